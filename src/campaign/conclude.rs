@@ -1,4 +1,4 @@
-//! What became of a campaign: the index of its tiles, and its page.
+//! The outcome of a campaign: the index of its tiles, and its page.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -20,13 +20,13 @@ use crate::verdict::Headline;
 
 /// The page of a campaign.
 pub const PAGE: &str = "campaign.html";
-/// What it shows, for programs.
+/// The content of the page, for programs.
 pub const LIST: &str = "campaign.json";
 /// The index of the tiles.
 pub const INDEX: &str = "index.parquet";
 
 /// Reads the results of the items from `out` and writes the index, the list and the page there. Failures of items that
-/// are no longer planned, as their inputs have changed, are removed.
+/// are no longer planned, because their inputs have changed, are removed.
 ///
 /// # Errors
 /// A result that cannot be read, a file that cannot be written.
@@ -44,15 +44,15 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         let result = document(item.folder(out).join(item::RESULT))?;
         let failed = document(item::failure_of(out, &item.name))?;
         let state = match (&result, &failed) {
-            (Some(found), _) => {
-                match found.parts() {
+            (Some(document), _) => {
+                match document.parts() {
                     Ok(parts) => {
-                        add(item, (&found.content, parts.headline), &mut page);
+                        add(item, (&document.content, parts.headline), &mut page);
                         if !parts.tiles.is_empty() {
-                            wkts.insert(found.content["crs_wkt"].as_str().map(str::to_owned));
+                            wkts.insert(document.content["crs_wkt"].as_str().map(str::to_owned));
                         }
                         let date = || item.date.clone().unwrap_or_default();
-                        overlaps.extend(parts.overlap.map(|found| (date(), found)));
+                        overlaps.extend(parts.overlap.map(|overlap| (date(), overlap)));
                         extents.extend(parts.tiles.into_iter().map(|tile| extent(item, tile)));
                     }
                     Err(error) => {
@@ -81,7 +81,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
     if !overlaps.is_empty() {
         match Chart::new(&overlaps, &[], &ChartSettings::default()) {
             Ok(chart) => page.drift = Some(chart),
-            // All else has its page.
+            // All other items have their own pages.
             Err(error) => {
                 let watch = "drift watch".to_owned();
                 page.failures.push(line(watch, Failure::from(&error)));
@@ -89,7 +89,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         }
     }
     let mut written = vec![out.join(PAGE), out.join(LIST)];
-    // A program that is built without Parquet has no index.
+    // A program that was built without Parquet writes no index.
     if cfg!(feature = "parquet") {
         let wkt = wkts.first().filter(|_| wkts.len() == 1);
         let wkt = wkt.and_then(Option::as_deref);
@@ -113,7 +113,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
     })
 }
 
-/// Removes the failures of all but these items.
+/// Removes the failures of all items that are not in the list.
 fn forget_failures(items: &[Item], out: &Path) -> Result<()> {
     let folder = out.join("failed");
     let Ok(entries) = fs::read_dir(&folder) else {
@@ -126,7 +126,7 @@ fn forget_failures(items: &[Item], out: &Path) -> Result<()> {
             fs::remove_file(&path).map_err(|error| Error::io(&path, error))?;
         }
     }
-    // It goes when it is empty.
+    // The folder is removed only if it is empty.
     let _ = fs::remove_dir(&folder);
     Ok(())
 }
@@ -161,14 +161,14 @@ fn line(item: String, Failure { problem, remedy }: Failure) -> FailureLine {
     }
 }
 
-/// What an item has written.
+/// The result of an item.
 struct Document {
     path: PathBuf,
     content: Value,
 }
 
 impl Document {
-    /// One of its parts, if it is there.
+    /// A part of the document, if it exists.
     fn part<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>> {
         let Some(part) = self.content.get(key) else {
             return Ok(None);
@@ -196,26 +196,26 @@ impl Document {
     }
 }
 
-/// What counts of a result, each where its item has it.
+/// The parts of a result that the page needs, as far as its kind of item has them.
 struct Parts {
     headline: Option<Headline>,
     tiles: Vec<Tile>,
     overlap: Option<Overlap>,
 }
 
-/// A document, if the file is there.
+/// A document, if the file exists.
 fn document(path: PathBuf) -> Result<Option<Document>> {
     let text = match fs::read_to_string(&path) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         other => other.map_err(|error| Error::io(&path, error))?,
     };
-    let mut found = Document {
+    let mut document = Document {
         path,
         content: Value::Null,
     };
-    found.content =
-        serde_json::from_str(&text).map_err(|error| found.error(format!("no JSON ({error})")))?;
-    Ok(Some(found))
+    document.content = serde_json::from_str(&text)
+        .map_err(|error| document.error(format!("no JSON ({error})")))?;
+    Ok(Some(document))
 }
 
 fn extent(item: &Item, tile: Tile) -> Extent {
@@ -230,7 +230,7 @@ fn extent(item: &Item, tile: Tile) -> Extent {
     }
 }
 
-/// Adds what a finished item has found.
+/// Adds the results of a finished item to the page.
 fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut CampaignPage) {
     let (plot, date) = (
         item.plot.clone().unwrap_or_default(),
@@ -255,10 +255,10 @@ fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut C
                     .collect(),
                 agreement: list("agreement")
                     .iter()
-                    .filter_map(|found| {
+                    .filter_map(|pair| {
                         Some((
-                            found["pair"].as_str()?.to_owned(),
-                            number(found, "m3c2_rmse_m"),
+                            pair["pair"].as_str()?.to_owned(),
+                            number(pair, "m3c2_rmse_m"),
                         ))
                     })
                     .collect(),
@@ -367,10 +367,10 @@ mod tests {
             fs::write(result, format!("{{\"{part}\": {text}}}")).unwrap();
             let outcome = conclude(&campaign, &items, out).unwrap();
             assert_eq!(outcome.result["failed"], 1);
-            let said = outcome.summary;
+            let summary = outcome.summary;
             assert!(
-                said.contains("result.json") && said.contains(part),
-                "{said}"
+                summary.contains("result.json") && summary.contains(part),
+                "{summary}"
             );
         }
     }
@@ -399,7 +399,7 @@ mod tests {
         );
         let page = fs::read_to_string(out.join(PAGE)).unwrap();
         assert!(page.contains("Drift watch") && page.contains("between 2025-05-06 and 2025-05-07"));
-        // There is no drive whose quality could be shown.
+        // There is no drive to show the quality of.
         assert!(!page.contains("id=\"quality\""));
     }
 }

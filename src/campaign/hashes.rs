@@ -1,4 +1,4 @@
-//! The content of the inputs of a campaign, read once.
+//! The hashes of the inputs of a campaign; each file is read once.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,22 +13,22 @@ use crate::output::write_whole;
 use crate::pipeline::{hash_of, size};
 use crate::progress::Progress;
 
-/// What was in a file when it looked like this.
+/// The hash of a file with the properties that it had when it was read.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Known {
     bytes: u64,
-    /// The time of its content, nanoseconds since 1970.
+    /// The modification time, nanoseconds since 1970.
     changed_ns: i128,
     hash: String,
 }
 
-/// The file in the folder of the results where hashes are kept.
+/// The file in the folder of the results where hashes are stored.
 const FILE: &str = "hashes.json";
 
-/// Hashes of files of a campaign's folder by their names. A file that has the size and the time that it had in an
-/// earlier call is not read again; one that cannot be read has none: the item that needs it says so.
+/// Hashes of the files of a campaign's folder by their names. A file with the same size and time as in an earlier call
+/// is not read again; a file that cannot be read has no hash: the item that needs it reports the error.
 ///
-/// # Errors
+/// The hashes cannot be stored; [`Error::Cancelled`].
 /// The hashes cannot be kept; [`Error::Cancelled`].
 pub fn hashes(
     files: &[String],
@@ -37,9 +37,9 @@ pub fn hashes(
     progress: &dyn Progress,
 ) -> Result<BTreeMap<String, String>> {
     let kept_in = out.join(FILE);
-    let kept = fs::read_to_string(&kept_in).ok();
-    // What is no list of hashes is replaced by one.
-    let kept: BTreeMap<String, Known> = kept
+    let stored = fs::read_to_string(&kept_in).ok();
+    // A file that is not a list of hashes is replaced.
+    let stored: BTreeMap<String, Known> = stored
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
     let looks: Vec<_> = files
@@ -47,7 +47,8 @@ pub fn hashes(
         .map(|file| (file, look(&root.join(file))))
         .collect();
     let as_before = |file: &String, (bytes, changed_ns): (u64, i128)| {
-        kept.get(file)
+        stored
+            .get(file)
             .filter(|known| (known.bytes, known.changed_ns) == (bytes, changed_ns))
     };
     let is_new = |(file, look): &&(&String, Option<(u64, i128)>)| {
@@ -93,13 +94,13 @@ pub fn hashes(
         .collect())
 }
 
-/// Size and time of a file; `None` if it is not there.
+/// Size and modification time of a file; `None` if it does not exist.
 fn look(path: &Path) -> Option<(u64, i128)> {
     let metadata = path.metadata().ok().filter(fs::Metadata::is_file)?;
     let changed = metadata.modified().ok()?;
     let changed_ns = match changed.duration_since(SystemTime::UNIX_EPOCH) {
         Ok(since) => since.as_nanos().cast_signed(),
-        // Copies can have such times.
+        // Copies may have times before 1970.
         Err(before) => -before.duration().as_nanos().cast_signed(),
     };
     Some((metadata.len(), changed_ns))
@@ -120,11 +121,11 @@ mod tests {
         let first = hashes(&files, root, &out, &Silent).unwrap();
         assert_eq!(first.len(), 2);
         assert_eq!(first["a"].len(), 32);
-        // What is kept is believed: it was not read again.
-        let kept = fs::read_to_string(out.join(FILE))
+        // The stored hash is used, which shows that the file was not read again.
+        let stored = fs::read_to_string(out.join(FILE))
             .unwrap()
             .replace(&first["a"], "kept");
-        fs::write(out.join(FILE), kept).unwrap();
+        fs::write(out.join(FILE), stored).unwrap();
         fs::write(root.join("b"), "three").unwrap();
         let second = hashes(&files, root, &out, &Silent).unwrap();
         assert_eq!(second["a"], "kept");

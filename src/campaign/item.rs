@@ -1,4 +1,4 @@
-//! The items of a campaign: each follows from the content of its inputs, and is named by it.
+//! The items of a campaign: each depends on the content of its inputs, and its name contains a hash of this content.
 
 use std::fmt::{Display, Write as _};
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::pipeline::PROGRAM;
 use crate::project::Project;
 
-/// What an item does.
+/// The kind of an item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -19,14 +19,14 @@ pub enum Kind {
     Calibration,
     /// Places the points of a drive and compares them with the reference and with each other.
     Drive,
-    /// Compares a plot with its date before.
+    /// Compares a plot with its previous date.
     Change,
-    /// Holds one scanner against the other on the ground that both saw.
+    /// Compares the scanners with each other on the ground that both saw.
     Overlap,
 }
 
 impl Kind {
-    /// As in names of items.
+    /// The kind as it appears in names of items.
     pub fn name(self) -> &'static str {
         match self {
             Self::Calibration => "calibration",
@@ -40,13 +40,13 @@ impl Kind {
 /// A file that an item reads.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct InputFile {
-    /// Relative to the campaign's folder, or absolute where it is not below it.
+    /// Relative to the campaign's folder, or absolute if it is outside of it.
     pub path: String,
-    /// The hash of its content; `None` where it could not be read.
+    /// The hash of its content; `None` if it could not be read.
     pub hash: Option<String>,
 }
 
-/// The text of a project, and where it stands or would.
+/// The text of a project, with the path of its actual or assumed file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ProjectText {
     /// Relative to the campaign's folder, or absolute.
@@ -65,7 +65,7 @@ impl ProjectText {
     }
 }
 
-/// Where the mountings of a drive come from.
+/// The source of the mountings of a drive.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MountingsFrom {
@@ -77,7 +77,7 @@ pub enum MountingsFrom {
     Item(String),
 }
 
-/// What is done.
+/// The work of an item with its settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
@@ -97,9 +97,9 @@ pub enum Task {
         /// Side of a tile, metres.
         tile_m: f64,
     },
-    /// See [`Kind::Change`]: of the two drives in [`Item::needs`], the earlier first.
+    /// See [`Kind::Change`]: compares the two drives in [`Item::needs`], the earlier first.
     Change {
-        /// How they are compared.
+        /// The settings of the comparison.
         comparison: ComparisonSettings,
     },
     /// See [`Kind::Overlap`].
@@ -109,21 +109,21 @@ pub enum Task {
         /// Its mountings.
         mountings: MountingsFrom,
     },
-    /// Nothing: planning has shown that it cannot be done.
+    /// None, because planning has shown that the item cannot be run.
     Refused(Failure),
 }
 
-/// Why an item failed.
+/// The reason why an item failed.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Failure {
-    /// What is wrong, with names and numbers.
+    /// The problem, with names and numbers.
     pub problem: String,
-    /// What can be done about it, where that is known.
+    /// The remedy, if it is known.
     pub remedy: Option<String>,
 }
 
 impl Failure {
-    /// The same with paths relative to a campaign's folder.
+    /// The failure with paths relative to a campaign's folder.
     pub fn relative_to(self, root: &Path) -> Self {
         let folder = format!("{}/", root.display());
         Self {
@@ -153,13 +153,13 @@ impl From<&Error> for Failure {
 /// One item.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Item {
-    /// `<kind>_<plot>_<date>_<16 digits>`: the digits are a hash of all that it follows from.
+    /// `<kind>_<plot>_<date>_<16 digits>`: the digits are a hash of everything on which the results depend.
     pub name: String,
-    /// What it does.
+    /// The kind of its work.
     pub kind: Kind,
-    /// The plot; `None` of a calibration.
+    /// The plot; `None` for a calibration.
     pub plot: Option<String>,
-    /// The date, YYYY-MM-DD; `None` of a calibration for all.
+    /// The date, YYYY-MM-DD; `None` for a calibration of all dates.
     pub date: Option<String>,
     /// The earlier date of a change.
     pub before: Option<String>,
@@ -167,7 +167,7 @@ pub struct Item {
     pub inputs: Vec<InputFile>,
     /// Names of the items whose results it reads.
     pub needs: Vec<String>,
-    /// What it does, with settings.
+    /// The work with its settings.
     pub task: Task,
 }
 
@@ -175,7 +175,7 @@ impl Item {
     /// The item with its name.
     pub fn named(mut self) -> Self {
         let mut text = format!("{PROGRAM}\n");
-        // Writing to a string cannot fail. `Debug` drops no digit.
+        // Writing to a string cannot fail. `Debug` prints numbers exactly.
         let _ = writeln!(text, "{:?}\n{:?}", self.task, self.needs);
         for input in &self.inputs {
             let _ = writeln!(text, "{:?}", input.hash);
@@ -211,9 +211,9 @@ impl Display for Item {
     }
 }
 
-/// The file that appears last in the folder of an item.
+/// The file that is written last to the folder of an item.
 pub const RESULT: &str = "result.json";
-/// Beside it: time and memory, the only bytes that differ between runs.
+/// A file beside it with time and memory, the only bytes that differ between runs.
 pub const WORK: &str = "work.json";
 
 /// The folder of the results of the item of this name.
@@ -221,12 +221,12 @@ pub fn folder_of(out: &Path, name: &str) -> PathBuf {
     out.join("items").join(name)
 }
 
-/// The file that says why the item of this name failed.
+/// The file with the reason why the item of this name failed.
 pub fn failure_of(out: &Path, name: &str) -> PathBuf {
     out.join("failed").join(format!("{name}.json"))
 }
 
-/// A hash of content that comes in pieces: 32 hexadecimal digits.
+/// A hash of content that is passed in pieces: 32 hexadecimal digits.
 #[derive(Clone)]
 pub struct ContentHash(Hasher);
 
@@ -237,7 +237,7 @@ impl Default for ContentHash {
 }
 
 impl ContentHash {
-    /// Goes on with the next piece.
+    /// Adds the next piece.
     pub fn update(&mut self, bytes: &[u8]) {
         self.0.write(bytes);
     }

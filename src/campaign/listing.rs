@@ -6,7 +6,7 @@ use std::path::Path;
 use super::pattern::{Pattern, Place};
 use crate::error::{Error, Result};
 
-/// Folders below that of a campaign are looked into this deep.
+/// Depth of the subfolders that are searched.
 const DEEPEST: usize = 8;
 
 /// The files below a folder, relative to it, with `/` between folders.
@@ -20,14 +20,14 @@ impl FromIterator<String> for Listing {
 }
 
 impl Listing {
-    /// Looks into a folder, but not into hidden ones nor into `without`, that of the results.
+    /// Lists a folder, without hidden folders and without the folder of the results, `without`.
     ///
     /// # Errors
     /// A folder that cannot be read.
     pub fn of_folder(folder: &Path, without: &Path) -> Result<Self> {
-        let mut found = Self::default();
-        found.look(folder, "", without, DEEPEST)?;
-        Ok(found)
+        let mut listing = Self::default();
+        listing.look(folder, "", without, DEEPEST)?;
+        Ok(listing)
     }
 
     fn look(&mut self, folder: &Path, prefix: &str, without: &Path, depth: usize) -> Result<()> {
@@ -35,7 +35,7 @@ impl Listing {
         for entry in std::fs::read_dir(folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let (path, name) = (entry.path(), entry.file_name());
-            // Names that are not UTF-8 cannot be written into a pattern.
+            // Names that are not UTF-8 cannot be matched by a pattern.
             let Some(name) = name.to_str().filter(|name| !name.starts_with('.')) else {
                 continue;
             };
@@ -49,7 +49,7 @@ impl Listing {
         Ok(())
     }
 
-    /// Whether the file is there.
+    /// Whether the file exists.
     pub fn has(&self, file: &str) -> bool {
         self.0.contains(file)
     }
@@ -63,7 +63,7 @@ impl Listing {
             .take_while(move |file| file.starts_with(&prefix))
     }
 
-    /// Files and folders that fit the pattern, in order.
+    /// Files and folders that match the pattern, in order.
     pub fn matching(&self, pattern: &Pattern) -> Vec<(Place, String)> {
         let depth = pattern.depth();
         let mut paths: Vec<&str> = Vec::new();
@@ -73,7 +73,7 @@ impl Listing {
                 .map(|(at, _)| at)
                 .chain([file.len()]);
             let path = ends.nth(depth - 1).map(|end| &file[..end]);
-            // Files of one folder follow each other.
+            // Files of one folder are consecutive.
             if path.is_some() && path != paths.last().copied() {
                 paths.extend(path);
             }
@@ -99,11 +99,11 @@ mod tests {
             "b/x",
         ];
         let listing: Listing = files.map(str::to_owned).into_iter().collect();
-        let found = listing.matching(&Pattern::new("{plot}/{date}").unwrap());
-        let paths: Vec<&str> = found.iter().map(|(_, path)| path.as_str()).collect();
+        let matches = listing.matching(&Pattern::new("{plot}/{date}").unwrap());
+        let paths: Vec<&str> = matches.iter().map(|(_, path)| path.as_str()).collect();
         assert_eq!(paths, ["a/2025-05-01", "a/2025-05-02"]);
-        let found = listing.matching(&Pattern::new("a/*.txt").unwrap());
-        assert_eq!(found.len(), 1);
+        let matches = listing.matching(&Pattern::new("a/*.txt").unwrap());
+        assert_eq!(matches.len(), 1);
         assert_eq!(listing.below("a/2025-05-01").count(), 2);
     }
 

@@ -1,8 +1,8 @@
-//! Campaigns: many plots on many dates, as items that follow from the content of their inputs.
+//! Campaigns: many plots on many dates, as items that are identified by the content of their inputs.
 //!
-//! [`Campaign`] is what is to be done, [`Plan`] finds its items among the files, [`work`] does one item, [`Pool`] all of
-//! them on one machine, and [`conclude`] makes the index and the page. Items are independent but for those that they
-//! name, appear whole or not at all, and are not done twice: whatever schedules processes can do them.
+//! [`Campaign`] holds the settings, [`Plan`] finds the items among the files, [`work`] runs one item, [`Pool`] runs all
+//! of them on one machine, and [`conclude`] makes the index and the page. Items are independent except for those that
+//! they name, appear completely or not at all, and are not run twice: any scheduler of processes can run them.
 
 mod conclude;
 mod hashes;

@@ -1,18 +1,18 @@
-//! Patterns of paths in which `{plot}` and `{date}` stand for the names of plots and for dates.
+//! Patterns of paths in which `{plot}` and `{date}` stand for names of plots and for dates.
 
 use crate::format::day_number;
 
 /// The plot and the date that a path names.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Place {
-    /// Letters, digits, `-`, `_` and `.`; `None` where the pattern has no `{plot}`.
+    /// Letters, digits, `-`, `_` and `.`; `None` if the pattern has no `{plot}`.
     pub plot: Option<String>,
-    /// As YYYY-MM-DD; `None` where the pattern has no `{date}`.
+    /// As YYYY-MM-DD; `None` if the pattern has no `{date}`.
     pub date: Option<String>,
 }
 
 impl Place {
-    /// Whether this is said of that plot and date.
+    /// Whether it applies to that plot and date; `None` applies to all of them.
     pub fn is_of(&self, plot: &str, date: &str) -> bool {
         let same =
             |own: &Option<String>, other: &str| own.as_deref().is_none_or(|own| own == other);
@@ -31,7 +31,7 @@ enum Part {
 }
 
 /// A pattern of paths with `/` between folders: `{plot}`, `{date}` (YYYY-MM-DD, YYYY_MM_DD, YYYYMMDD or YYMMDD), and
-/// `*` for any part of a name. What is named twice must be the same.
+/// `*` for any part of a name. A plot or date that occurs twice must be the same both times.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pattern {
     parts: Vec<Part>,
@@ -41,7 +41,7 @@ impl Pattern {
     /// Reads a pattern.
     ///
     /// # Errors
-    /// What is wrong with it, and what was expected.
+    /// The error in the pattern, and what was expected.
     pub fn new(text: &str) -> Result<Self, (String, &'static str)> {
         let mut parts = Vec::new();
         let mut rest = text.trim_start_matches("./").trim_end_matches('/');
@@ -75,7 +75,7 @@ impl Pattern {
         Ok(Self { parts })
     }
 
-    /// As it was written.
+    /// The pattern as it was written.
     pub fn text(&self) -> String {
         let parts = self.parts.iter().map(|part| match part {
             Part::Text(text) => text.as_str(),
@@ -91,12 +91,12 @@ impl Pattern {
         self.parts.contains(&Part::Date)
     }
 
-    /// Whether it stands for more than one path.
+    /// Whether it can match more than one path.
     pub fn is_open(&self) -> bool {
         self.parts.iter().any(|part| !matches!(part, Part::Text(_)))
     }
 
-    /// The plot and date of a path; `None` if it is none of these.
+    /// The plot and date of a path; `None` if it does not match.
     pub fn place_of(&self, path: &str) -> Option<Place> {
         matched(&self.parts, path, Place::default())
     }
@@ -113,15 +113,15 @@ impl Pattern {
 
 /// Matches parts one by one, the longest names first.
 fn matched(parts: &[Part], path: &str, place: Place) -> Option<Place> {
-    let Some((first, others)) = parts.split_first() else {
+    let Some((first, rest)) = parts.split_first() else {
         return path.is_empty().then_some(place);
     };
     match first {
-        Part::Text(text) => matched(others, path.strip_prefix(text.as_str())?, place),
+        Part::Text(text) => matched(rest, path.strip_prefix(text.as_str())?, place),
         Part::Any => {
             let end = path.find('/').unwrap_or(path.len());
             let mut ends = (0..=end).rev().filter(|end| path.is_char_boundary(*end));
-            ends.find_map(|end| matched(others, &path[end..], place.clone()))
+            ends.find_map(|end| matched(rest, &path[end..], place.clone()))
         }
         Part::Date => [10, 8, 6].into_iter().find_map(|length| {
             let date = iso_date(path.get(..length)?)?;
@@ -130,7 +130,7 @@ fn matched(parts: &[Part], path: &str, place: Place) -> Option<Place> {
                 date: Some(date),
                 ..place.clone()
             };
-            (!is_other).then(|| matched(others, &path[length..], place))?
+            (!is_other).then(|| matched(rest, &path[length..], place))?
         }),
         Part::Plot => {
             let is_name = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
@@ -142,7 +142,7 @@ fn matched(parts: &[Part], path: &str, place: Place) -> Option<Place> {
                     plot: Some(plot),
                     ..place.clone()
                 };
-                (!is_other).then(|| matched(others, &path[end..], place))?
+                (!is_other).then(|| matched(rest, &path[end..], place))?
             })
         }
     }
@@ -177,17 +177,17 @@ mod tests {
 
     #[test]
     fn plots_and_dates_are_found_in_paths() {
-        let found = |plot: &str, date: &str| Some((plot.to_owned(), date.to_owned()));
+        let names = |plot: &str, date: &str| Some((plot.to_owned(), date.to_owned()));
         let cases = [
             (
                 "{plot}/{date}",
                 "Plot01/230516",
-                found("Plot01", "2023-05-16"),
+                names("Plot01", "2023-05-16"),
             ),
             (
                 "{date}/{plot}/project.toml",
                 "2025-05-01/b-3/project.toml",
-                found("b-3", "2025-05-01"),
+                names("b-3", "2025-05-01"),
             ),
             (
                 "{date}/{plot}/project.toml",
@@ -197,17 +197,17 @@ mod tests {
             (
                 "a/{date}_{plot}_*.bin",
                 "a/20250501_p_7_l.bin",
-                found("p_7", "2025-05-01"),
+                names("p_7", "2025-05-01"),
             ),
             (
                 "{plot}/{date}/{plot}.laz",
                 "p/2025_05_01/p.laz",
-                found("p", "2025-05-01"),
+                names("p", "2025-05-01"),
             ),
             ("{plot}/{date}/{plot}.laz", "p/2025_05_01/q.laz", None),
             ("{date}/{plot}", "2025-02-29/p", None),
             ("{date}/{plot}", "2025-05-01/p/q", None),
-            ("tls.laz", "tls.laz", found("", "")),
+            ("tls.laz", "tls.laz", names("", "")),
         ];
         for (pattern, path, expected) in cases {
             assert_eq!(place(pattern, path), expected, "{pattern} {path}");

@@ -1,4 +1,4 @@
-//! From the files of a campaign to its items.
+//! Plans the items of a campaign from its files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -12,10 +12,10 @@ use crate::error::{Error, Location, Problem, Result};
 use crate::pipeline;
 use crate::project::Source;
 
-/// The name of a plot where the pattern of the drives has none.
+/// The name of the plot if the pattern of the drives has none.
 const ONLY_PLOT: &str = "field";
 
-/// The items of a campaign before the content of their inputs is known.
+/// The items of a campaign before the contents of their inputs are known.
 #[derive(Debug, Clone)]
 pub struct Plan {
     drafts: Vec<Draft>,
@@ -29,7 +29,7 @@ struct Draft {
     date: Option<String>,
     before: Option<String>,
     inputs: Vec<String>,
-    /// Places of the drafts whose results it reads, which come before it.
+    /// Indices of the drafts whose results it reads, which come before it.
     needs: Vec<usize>,
     task: Task,
 }
@@ -47,8 +47,8 @@ impl Draft {
         }
     }
 
-    /// With its task, or with why it has none.
-    fn of(mut self, task: Result<Task>, root: &Path) -> Self {
+    /// The draft with its task, or with the reason why it has none.
+    fn with_task(mut self, task: Result<Task>, root: &Path) -> Self {
         self.task = task.unwrap_or_else(|error| {
             self.inputs.clear();
             self.needs.clear();
@@ -68,10 +68,11 @@ struct Named<'a> {
 impl<'a> Named<'a> {
     fn new(key: &'static str, pattern: &'a Option<Pattern>, listing: &Listing) -> Option<Self> {
         let pattern = pattern.as_ref()?;
-        // One path need not be below the folder.
-        let found = match pattern.is_open() {
-            true => listing.matching(pattern),
-            false => vec![(Place::default(), pattern.text())],
+        // A pattern for a single path may name a file outside of the folder.
+        let found = if pattern.is_open() {
+            listing.matching(pattern)
+        } else {
+            vec![(Place::default(), pattern.text())]
         };
         Some(Self {
             key,
@@ -80,13 +81,13 @@ impl<'a> Named<'a> {
         })
     }
 
-    fn of(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
-        let mut found = self
+    fn file(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
+        let mut matches = self
             .found
             .iter()
             .filter(|(place, _)| place.is_of(plot, date));
         let pattern = self.pattern.text();
-        match (found.next(), found.next()) {
+        match (matches.next(), matches.next()) {
             (Some(first), None) => Ok(first),
             (None, _) => Err(Error::of(
                 Problem::TooFew,
@@ -105,8 +106,8 @@ impl<'a> Named<'a> {
 }
 
 impl Campaign {
-    /// The small text files that planning reads: they must lie below the campaign's folder when [`Self::plan`] is
-    /// called. Relative to it.
+    /// The small text files that planning reads, relative to the campaign's folder: they must exist there when
+    /// [`Self::plan`] is called.
     ///
     /// # Errors
     /// No drive; a template that is not below the folder.
@@ -156,7 +157,7 @@ impl Campaign {
         Ok(drives)
     }
 
-    /// All items. A drive whose project is wrong is an item that fails; the others do not mind.
+    /// All items. A drive with an invalid project becomes an item that fails and does not affect the others.
     ///
     /// # Errors
     /// No drive; the template cannot be read.
@@ -194,7 +195,7 @@ fn text_of(path: &Path) -> Result<String> {
     Source::read(path).map(Source::into_text)
 }
 
-/// A plan that is being made.
+/// The state of a plan while it is made.
 struct Planner<'a> {
     campaign: &'a Campaign,
     listing: &'a Listing,
@@ -206,29 +207,29 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// The projects that are calibrated: the first drafts, in the order of their paths.
+    /// Adds the projects that are calibrated: the first drafts, in the order of their paths.
     fn calibrations(&mut self) {
-        let found = self.calibrated.iter().flat_map(|named| &named.found);
-        let drafts = found.map(|(place, path)| {
+        let projects = self.calibrated.iter().flat_map(|named| &named.found);
+        let drafts = projects.map(|(place, path)| {
             let mut draft = Draft::new(Kind::Calibration, place.plot.clone(), place.date.clone());
             let task = self.written(path).and_then(|project| {
                 let files = self.files_of(&project, true)?;
                 draft.inputs.extend(files);
                 Ok(Task::Calibration { project })
             });
-            draft.of(task, self.campaign.folder())
+            draft.with_task(task, self.campaign.folder())
         });
         self.drafts = drafts.collect();
     }
 
-    /// A drive, and the overlap of its scanners.
+    /// Adds a drive, and the overlap of its scanners.
     fn drive(&mut self, plot: &str, date: &str, path: &str) {
         let root = self.campaign.folder();
         let draft = |kind| Draft::new(kind, Some(plot.to_owned()), Some(date.to_owned()));
         let (mut drive, mut overlap) = (draft(Kind::Drive), draft(Kind::Overlap));
         let made = self.project(path).and_then(|project| {
             let reference = self.references.as_ref();
-            let reference = reference.map(|named| named.of(plot, date)).transpose()?;
+            let reference = reference.map(|named| named.file(plot, date)).transpose()?;
             let reference = reference.map(|(_, path)| path.clone());
             let mountings = self.mountings(plot, date, &mut overlap)?;
             drive.needs.clone_from(&overlap.needs);
@@ -253,17 +254,17 @@ impl Planner<'_> {
         });
         match made {
             Ok((placed, watched)) => {
-                self.drafts.push(drive.of(Ok(placed), root));
+                self.drafts.push(drive.with_task(Ok(placed), root));
                 if self.campaign.drift {
-                    self.drafts.push(overlap.of(Ok(watched), root));
+                    self.drafts.push(overlap.with_task(Ok(watched), root));
                 }
             }
-            // Once is enough.
-            Err(error) => self.drafts.push(drive.of(Err(error), root)),
+            // The error of the drive is reported once.
+            Err(error) => self.drafts.push(drive.with_task(Err(error), root)),
         }
     }
 
-    /// The change between two drafts of drives.
+    /// Adds the change between two drafts of drives.
     fn change(&mut self, earlier: usize, later: usize) {
         let (plot, date) = (&self.drafts[later].plot, &self.drafts[later].date);
         let mut draft = Draft::new(Kind::Change, plot.clone(), date.clone());
@@ -275,19 +276,19 @@ impl Planner<'_> {
         self.drafts.push(draft);
     }
 
-    /// Where the mountings of a drive come from; its draft then reads that.
+    /// The source of the mountings of a drive; its draft then depends on it.
     fn mountings(&self, plot: &str, date: &str, draft: &mut Draft) -> Result<MountingsFrom> {
         if let Some(named) = &self.calibrated {
-            let (place, _) = named.of(plot, date)?;
+            let (place, _) = named.file(plot, date)?;
             let number = named.found.iter().position(|(other, _)| other == place);
             draft.needs.extend(number);
-            // Its name is known once its inputs are.
+            // The name of the calibration is known only when its inputs are.
             return Ok(MountingsFrom::Item(String::new()));
         }
         let Some(named) = &self.files else {
             return Ok(MountingsFrom::Project);
         };
-        let (_, file) = named.of(plot, date)?;
+        let (_, file) = named.file(plot, date)?;
         draft.inputs.push(file.clone());
         Ok(MountingsFrom::File(file.clone()))
     }
@@ -306,11 +307,11 @@ impl Planner<'_> {
         }
         let made = pipeline::init(&self.campaign.folder().join(path))?;
         if !made.missing.is_empty() {
-            let said = format!("the files of {path} do not say {}", made.missing.join(", "));
+            let problem = format!("the files of {path} do not say {}", made.missing.join(", "));
             let unread = made.unread.iter().map(|why| format!("; not read: {why}"));
             return Err(Error::of(
                 Problem::TooFew,
-                said + &unread.collect::<String>(),
+                problem + &unread.collect::<String>(),
                 "name a project as a template in `campaign.project`",
             ));
         }
@@ -338,13 +339,13 @@ impl Planner<'_> {
 }
 
 impl Plan {
-    /// Every file that an item reads, relative to the campaign's folder, or absolute where it is not below it.
+    /// All files that an item reads, relative to the campaign's folder, or absolute if they are outside of it.
     pub fn files(&self) -> Vec<String> {
         let files: BTreeSet<&String> = self.drafts.iter().flat_map(|draft| &draft.inputs).collect();
         files.into_iter().cloned().collect()
     }
 
-    /// The items, each behind those that it needs; `hashes` are the contents of the files.
+    /// The items, each after those that it needs; `hashes` are those of the contents of the files.
     pub fn items(&self, hashes: &BTreeMap<String, String>) -> Vec<Item> {
         let mut items: Vec<Item> = Vec::new();
         for draft in &self.drafts {
@@ -379,7 +380,7 @@ impl Plan {
     }
 }
 
-/// A path as seen from a campaign's folder.
+/// A path relative to a campaign's folder.
 fn relative(path: &Path, root: &Path) -> String {
     let mut clean = std::path::PathBuf::new();
     for part in path.components() {

@@ -1,4 +1,4 @@
-//! All items on one machine: a pool of processes, one an item, so that none takes another with it.
+//! All items on one machine: a pool of processes, one per item, so that the failure of one does not affect the others.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -15,37 +15,37 @@ use crate::error::{Error, Result};
 use crate::output::write_whole;
 use crate::progress::Progress;
 
-/// Time between two looks at a process.
+/// Interval between checks of a process.
 const LOOK: Duration = Duration::from_millis(10);
-/// A process that is asked to stop has this long to clean up.
+/// Time that a process has to clean up after it was asked to stop.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// How items are done on one machine.
+/// The way in which items are run on one machine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
-    /// Items at the same time.
+    /// Number of items at the same time.
     pub workers: usize,
-    /// The program that does one: it reads the item as a line of JSON, does it, and ends when its standard input is
-    /// closed. If it fails it prints a [`Failure`] as JSON.
+    /// The program that runs one item: it reads the item as a line of JSON, runs it, and ends when its standard input
+    /// is closed. If it fails, it prints a [`Failure`] as JSON.
     pub program: PathBuf,
     /// Its arguments.
     pub arguments: Vec<OsString>,
-    /// Memory of each, for messages, bytes.
+    /// Memory of each item, for messages, bytes.
     pub memory_bytes: u64,
 }
 
-/// What became of the items.
+/// The numbers of items by their outcome.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Done now.
+    /// Number of items done in this call.
     pub done: usize,
-    /// Finished in an earlier call.
+    /// Number of items finished in an earlier call.
     pub kept: usize,
-    /// Failed now.
+    /// Number of items that failed in this call.
     pub failed: usize,
 }
 
-/// Where an item stands.
+/// The state of an item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Waiting,
@@ -54,10 +54,10 @@ enum State {
     Failed,
 }
 
-/// Where all items stand.
+/// The states of all items.
 struct States {
-    of: Vec<State>,
-    /// No item before this one waits.
+    by_item: Vec<State>,
+    /// Index before which no item is waiting.
     first: usize,
 }
 
@@ -69,17 +69,20 @@ struct Shared<'a> {
 }
 
 impl Pool {
-    /// Does all items that are not finished, those first that others need. Failures are written to files and counted;
-    /// what failed in an earlier call is tried again.
+    /// Runs all items that are not finished, each after those that it needs. Failures are written to files and counted;
+    /// items that failed in an earlier call are tried again.
     ///
     /// # Errors
     /// The program cannot be started, a failure cannot be written, [`Error::Cancelled`].
     pub fn run(&self, items: &[Item], out: &Path, progress: &dyn Progress) -> Result<Tally> {
         let states: Vec<State> = items
             .iter()
-            .map(|item| match item.is_finished(out) {
-                true => State::Finished,
-                false => State::Waiting,
+            .map(|item| {
+                if item.is_finished(out) {
+                    State::Finished
+                } else {
+                    State::Waiting
+                }
             })
             .collect();
         let kept = states
@@ -94,7 +97,7 @@ impl Pool {
                 .map(|(at, item)| (item.name.as_str(), at))
                 .collect(),
             states: Mutex::new(States {
-                of: states,
+                by_item: states,
                 first: 0,
             }),
             changed: Condvar::new(),
@@ -105,7 +108,7 @@ impl Pool {
                 .map(|_| {
                     scope.spawn(|| {
                         let end = self.worker(&shared, out, progress);
-                        // The others do not wait for what this one would have done.
+                        // The other threads must not wait for results of this one.
                         if end.is_err() {
                             shared.stop();
                         }
@@ -119,7 +122,7 @@ impl Pool {
             workers.into_iter().map(join).collect()
         });
         drop(stage);
-        // An error of one cancels the others.
+        // An error of one thread cancels the others.
         let is_cause = |end: &Result<()>| !matches!(end, Ok(()) | Err(Error::Cancelled));
         if let Some(cause) = ends.iter().position(is_cause) {
             return ends
@@ -133,7 +136,13 @@ impl Pool {
             .states
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner);
-        let count = |state| states.of.iter().filter(|other| **other == state).count();
+        let count = |state| {
+            states
+                .by_item
+                .iter()
+                .filter(|other| **other == state)
+                .count()
+        };
         Ok(Tally {
             done: count(State::Finished) - kept,
             kept,
@@ -149,7 +158,7 @@ impl Pool {
             };
             let failure = match failed {
                 Some(needed) => Some(not_tried(&shared.items[needed])),
-                None => self.one(&shared.items[at], out, progress)?,
+                None => self.run_one(&shared.items[at], out, progress)?,
             };
             let item = &shared.items[at];
             let state = match failure {
@@ -160,17 +169,17 @@ impl Pool {
                     State::Failed
                 }
             };
-            shared.lock().of[at] = state;
+            shared.lock().by_item[at] = state;
             shared.changed.notify_all();
             progress.advance(1);
         }
     }
 
-    /// Does one item in a process of its own; a failure is why it is not finished.
-    fn one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
+    /// Runs one item in a process of its own; returns the failure if it does not finish.
+    fn run_one(&self, item: &Item, out: &Path, progress: &dyn Progress) -> Result<Option<Failure>> {
         let failed = |error| Error::io(&self.program, error);
         let mut command = Command::new(&self.program);
-        // A terminal interrupts all processes of a group, and this one is to end when its input is closed.
+        // Ctrl-C in a terminal interrupts all processes of a group, but this one must end when its input is closed.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command
@@ -181,14 +190,14 @@ impl Pool {
             .spawn()
             .map_err(failed)?;
         let line = serde_json::to_string(item).unwrap_or_default() + "\n";
-        // A full pipe would stop it.
+        // Both pipes are read all the time, because a full pipe would block the process.
         let texts = [
             in_background(child.stdout.take()),
             in_background(child.stderr.take()),
         ];
         let mut input = child.stdin.take();
         if let Some(input) = &mut input {
-            // One that has ended already says why.
+            // A process that has already ended explains the reason itself.
             let _ = input.write_all(line.as_bytes());
         }
         let status = loop {
@@ -205,17 +214,24 @@ impl Pool {
         if status.success() && item.is_finished(out) {
             return Ok(None);
         }
-        // What it printed only explains how it ended.
+        // The output only explains the exit status.
         let texts = texts.map(|text| text.join().unwrap_or_default());
-        let said = serde_json::from_str(&texts[0]).ok();
+        let failure = serde_json::from_str(&texts[0]).ok();
         clean(item, out);
-        Ok(Some(said.unwrap_or_else(|| self.ended(status, &texts[1]))))
+        Ok(Some(
+            failure.unwrap_or_else(|| self.failure_at_end(status, &texts[1])),
+        ))
     }
 
-    /// Why a process that said nothing has ended.
-    fn ended(&self, status: ExitStatus, said: &str) -> Failure {
-        let lines = || said.lines().map(str::trim).filter(|line| !line.is_empty());
-        // What is printed about the ending itself comes behind it.
+    /// The failure of a process that ended without printing one.
+    fn failure_at_end(&self, status: ExitStatus, stderr: &str) -> Failure {
+        let lines = || {
+            stderr
+                .lines()
+                .map(str::trim)
+                .filter(|line| !line.is_empty())
+        };
+        // The messages about the end of the process follow the cause.
         let lack = lines().find(|line| line.contains("memory allocation"));
         let last = lines().next_back().unwrap_or_default();
         let megabytes = self.memory_bytes / 1_000_000;
@@ -232,7 +248,7 @@ impl Pool {
     }
 }
 
-/// Why an item is not tried whose need failed.
+/// The failure of an item that is not tried because an item that it needs failed.
 pub fn not_tried(needed: &Item) -> Failure {
     Failure {
         problem: format!("not tried, as it needs {needed}, which failed"),
@@ -240,7 +256,7 @@ pub fn not_tried(needed: &Item) -> Failure {
     }
 }
 
-/// Writes why an item failed.
+/// Writes the failure of an item to its file.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -257,19 +273,19 @@ pub fn keep_failure(item: &Item, failure: &Failure, out: &Path) -> Result<()> {
 fn in_background(pipe: Option<impl Read + Send + 'static>) -> thread::JoinHandle<String> {
     thread::spawn(move || {
         let mut bytes = Vec::new();
-        // What was read until it breaks is what there is.
+        // If reading fails, the bytes read so far are used.
         let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut bytes));
         String::from_utf8_lossy(&bytes).into_owned()
     })
 }
 
-/// Waits for a process that was asked to stop, and then no longer.
+/// Waits for a process that was asked to stop, and kills it after [`PATIENCE`].
 fn end(child: &mut Child) {
     let asked = Instant::now();
     while asked.elapsed() < PATIENCE && matches!(child.try_wait(), Ok(None)) {
         thread::sleep(LOOK);
     }
-    // It may have ended in between.
+    // The process may have ended in the meantime.
     let _ = child.kill();
     let _ = child.wait();
 }
@@ -279,21 +295,22 @@ impl Shared<'_> {
         self.states.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the first item whose needs are finished, or one of which failed: the item, and that need. Waits where items
-    /// that others need are running; `None` when nothing is left.
+    /// Takes the next item whose needs are all finished, or one with a need that failed; returns the item and that
+    /// need. Waits while the needs of others are running; `None` when no items are left.
     fn next(&self, progress: &dyn Progress) -> Result<Option<(usize, Option<usize>)>> {
         let mut states = self.lock();
         loop {
-            let left = states.of[states.first..].iter();
+            let left = states.by_item[states.first..].iter();
             let past = left.take_while(|state| **state != State::Waiting).count();
             states.first += past;
             if states.first == self.items.len() {
                 return Ok(None);
             }
-            let found = (states.first..self.items.len()).find_map(|at| self.tried(at, &states.of));
-            if let Some((at, _)) = found {
-                states.of[at] = State::Running;
-                return Ok(found);
+            let next =
+                (states.first..self.items.len()).find_map(|at| self.candidate(at, &states.by_item));
+            if let Some((at, _)) = next {
+                states.by_item[at] = State::Running;
+                return Ok(next);
             }
             progress.check()?;
             let waited = self
@@ -303,8 +320,8 @@ impl Shared<'_> {
         }
     }
 
-    /// An item, and the one that it needs and that failed; `None` where it cannot be done yet.
-    fn tried(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
+    /// An item that can be tried, with its need that failed, if any; `None` if it cannot be tried yet.
+    fn candidate(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
         if states[at] != State::Waiting {
             return None;
         }
@@ -317,10 +334,10 @@ impl Shared<'_> {
         }
     }
 
-    /// Leaves what waits undone.
+    /// Leaves the waiting items undone.
     fn stop(&self) {
         let mut states = self.lock();
-        let waiting = states.of.iter_mut();
+        let waiting = states.by_item.iter_mut();
         waiting
             .filter(|state| **state == State::Waiting)
             .for_each(|state| *state = State::Running);

@@ -1,4 +1,4 @@
-//! `campaign.toml`: as written, and checked.
+//! `campaign.toml`: the file as written, and the checked settings.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::comparison::ComparisonSettings;
 use crate::error::Result;
 use crate::project::{self, Source, Step, WrittenComparison};
 
-/// Side of a tile unless another is given, metres: some plots, or a minute of a drive.
+/// Default side of a tile, metres: some plots, or a minute of a drive.
 const TILE_M: f64 = 20.0;
 
 /// `campaign.toml`
@@ -36,7 +36,7 @@ struct Table {
     drift: Option<bool>,
 }
 
-/// What a campaign consists of and what is done with each drive.
+/// The contents of a campaign and the work on each drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Campaign {
     /// The file, absolute.
@@ -45,7 +45,7 @@ pub struct Campaign {
     pub title: String,
     /// Project files of the drives, or their folders.
     pub drives: Pattern,
-    /// The project of drives that are folders: as if it lay in each of them.
+    /// The project of drives that are given as folders: it is read as if it were in each of them.
     pub template: Option<PathBuf>,
     /// `calibration.toml` files whose mountings replace those of the projects.
     pub calibration: Option<Pattern>,
@@ -53,18 +53,18 @@ pub struct Campaign {
     pub calibration_project: Option<Pattern>,
     /// Reference clouds.
     pub reference: Option<Pattern>,
-    /// Whether each plot is compared with its date before.
+    /// Whether each plot is compared with its previous date.
     pub compare_with_before: bool,
     /// Side of the tiles of the clouds, metres.
     pub tile_m: f64,
-    /// Whether the mountings are watched by what scanners see of the same ground.
+    /// Whether the mountings are monitored by the ground that several scanners see.
     pub drift: bool,
     /// Settings of the comparisons between dates.
     pub comparison: ComparisonSettings,
 }
 
 impl Campaign {
-    /// Reads and checks a campaign file. What it names is not opened.
+    /// Reads and checks a campaign file. The files that it names are not opened.
     ///
     /// # Errors
     /// Names the file, the line, what was found and what was expected.
@@ -81,13 +81,14 @@ impl Campaign {
             let is_outside =
                 Path::new(text).is_absolute() || text.split('/').any(|part| part == "..");
             let pattern = Pattern::new(text).map_err(refused)?;
-            match is_outside && pattern.is_open() {
-                true => Err(error(
+            if is_outside && pattern.is_open() {
+                Err(error(
                     key,
                     format!("`{text}`, which leads out of the campaign's folder"),
                     "a pattern of paths below it",
-                )),
-                false => Ok(pattern),
+                ))
+            } else {
+                Ok(pattern)
             }
         };
         let optional =
@@ -147,12 +148,12 @@ mod tests {
 
     #[test]
     fn keys_have_defaults_and_mistakes_have_lines() {
-        let found = read(
+        let campaign = read(
             "[campaign]\ndrives = \"{plot}/{date}\"\n[comparison]\ncylinder_radius_m = 0.01\n",
         )
         .unwrap();
-        assert!(found.compare_with_before && found.tile_m == TILE_M);
-        assert_eq!(found.comparison.cylinder_radius_m, 0.01);
+        assert!(campaign.compare_with_before && campaign.tile_m == TILE_M);
+        assert_eq!(campaign.comparison.cylinder_radius_m, 0.01);
         let cases = [
             ("[campaign]\ndrive = \"{date}\"\n", "line 2"),
             ("[campaign]\ndrives = \"{plot}\"\n", "without `{date}`"),

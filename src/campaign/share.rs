@@ -1,22 +1,22 @@
-//! How many items are done at the same time on one machine, and what each may use.
+//! The number of items that run at the same time on one machine, and the resources of each.
 
 use crate::error::{Error, Result};
 
 /// Share of the free memory that items use.
 const SHARE: f64 = 0.9;
-/// Memory of an item where the system does not say how much is free, MB.
+/// Memory of an item if the system does not report the free memory, MB.
 const UNKNOWN_MB: u64 = 2000;
-/// Least memory that an item may be given, MB, and that for each of its threads: with less they may not start, and wait
+/// Least memory of an item, MB, and least memory of each of its threads: with less, threads may fail to start and wait
 /// for each other.
 const SMALLEST_MB: u64 = 16;
 const SMALLEST_THREAD_MB: u64 = 8;
 /// Least memory of an item for which another one is started, MB.
 const LEAST_MB: u64 = 500;
 
-/// What each of some items at the same time may use.
+/// The resources of each of the items that run at the same time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {
-    /// Items at the same time.
+    /// Number of items at the same time.
     pub workers: usize,
     /// Threads of each.
     pub threads: usize,
@@ -25,7 +25,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// Shares so many threads and the free memory among `workers`, by default as many as fit.
+    /// Divides the threads and the free memory among `workers`, by default as many as fit.
     ///
     /// # Errors
     /// See [`check_memory`].
@@ -51,18 +51,19 @@ impl Share {
     }
 }
 
-/// Checks that an item with so many threads can begin with this memory.
+/// Checks that an item with this number of threads can start with this memory.
 ///
 /// # Errors
-/// It cannot.
+/// The memory is too small.
 pub fn check_memory(memory_mb: u64, threads: usize) -> Result<()> {
     let least_mb = SMALLEST_MB + SMALLEST_THREAD_MB * threads as u64;
-    match memory_mb >= least_mb {
-        true => Ok(()),
-        false => Err(Error::data(
+    if memory_mb >= least_mb {
+        Ok(())
+    } else {
+        Err(Error::data(
             format!("{memory_mb} MB for an item with {threads} threads"),
             format!("give each item {least_mb} MB or more, or do fewer at a time"),
-        )),
+        ))
     }
 }
 

@@ -1,4 +1,4 @@
-//! A project that is read as if it lay in the folder of each drive.
+//! A project template that is read as if it were in the folder of each drive.
 
 use std::path::Path;
 
@@ -8,13 +8,13 @@ use super::listing::Listing;
 use super::pattern::Pattern;
 use crate::error::{Error, Location, Problem, Result};
 
-/// Keys whose values are names of files.
+/// Keys whose values are file names.
 const FILES: [&str; 3] = ["file", "profiles", "logo"];
 
-/// The text with names that hold a `*` replaced by those of the files below `folder` that fit.
+/// The text, with names that contain a `*` replaced by those of the matching files below `folder`.
 ///
 /// # Errors
-/// Text that is not TOML; a name that no file fits.
+/// Text that is not TOML; a name that no file matches.
 pub fn filled(text: &str, template: &Path, folder: &str, listing: &Listing) -> Result<String> {
     if !text.contains('*') {
         return Ok(text.to_owned());
@@ -47,43 +47,44 @@ fn fill_table(table: &mut toml::Table, find: &Find<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A name, or a list of them, filled: one file stays a name.
+/// Expands a name or a list of names; a single file stays a name instead of a list.
 fn names(value: &Value, find: &Find<'_>) -> Result<Value> {
     let given: Vec<&Value> = value
         .as_array()
         .map_or(vec![value], |list| list.iter().collect());
-    let mut found = Vec::new();
+    let mut files = Vec::new();
     for name in given {
         match name.as_str() {
             Some(pattern) if pattern.contains('*') => {
-                found.extend(find(pattern)?.into_iter().map(Value::String))
+                files.extend(find(pattern)?.into_iter().map(Value::String))
             }
-            _ => found.push(name.clone()),
+            _ => files.push(name.clone()),
         }
     }
-    Ok(match <[Value; 1]>::try_from(found) {
+    Ok(match <[Value; 1]>::try_from(files) {
         Ok([one]) => one,
         Err(all) => Value::Array(all),
     })
 }
 
-/// Files below the folder that fit, relative to it.
+/// Matching files below the folder, relative to it.
 fn find(name: &str, folder: &str, listing: &Listing) -> Result<Vec<String>> {
     let refused =
         |(found, expected): (String, &str)| Error::data(found, format!("expected {expected}"));
     let pattern = Pattern::new(name).map_err(refused)?;
     let relative = |file: &str| file[folder.len() + 1..].to_owned();
     let files = listing.below(folder).map(relative);
-    let found: Vec<String> = files
+    let matches: Vec<String> = files
         .filter(|file| pattern.place_of(file).is_some())
         .collect();
-    match found.is_empty() {
-        true => Err(Error::of(
+    if matches.is_empty() {
+        Err(Error::of(
             Problem::TooFew,
             format!("no file `{name}` in {folder}"),
             "add it, or change the name in the template",
-        )),
-        false => Ok(found),
+        ))
+    } else {
+        Ok(matches)
     }
 }
 

@@ -1,4 +1,4 @@
-//! One item.
+//! The work of one item.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,11 +16,11 @@ use crate::project::{Project, Reference};
 use crate::tiles::peak_memory_bytes;
 use crate::verdict::Verdict;
 
-/// Does an item: its results appear in its folder below `out`, `result.json` last. `root` is the campaign's folder.
-/// One that is finished is left as it is. `memory_bytes` is what it may use where it can do with less.
+/// Runs an item: its results appear in its folder below `out`, `result.json` last. `root` is the campaign's folder. A
+/// finished item is left unchanged. `memory_bytes` is the limit for stages that can work with less memory.
 ///
 /// # Errors
-/// Errors of the stages; what planning has found.
+/// Errors of the stages; an error that planning has found.
 pub fn work(
     item: &Item,
     root: &Path,
@@ -41,7 +41,7 @@ pub fn work(
     };
     let done = results(item, root, (out, &options), memory_bytes, progress);
     let mut result = done.inspect_err(|_| {
-        // Only where nothing is in it.
+        // Removes the folder only if it is empty.
         let _ = fs::remove_dir(&folder);
     })?;
     strip_times(&mut result);
@@ -61,7 +61,7 @@ pub fn work(
     remove_failure(item, out)
 }
 
-/// Writes the results of an item but for the two files that come last, and returns what they say.
+/// Writes the results of an item except for the two files that come last; returns the content of `result.json`.
 fn results(
     item: &Item,
     root: &Path,
@@ -72,7 +72,7 @@ fn results(
     Ok(match &item.task {
         Task::Calibration { project } => {
             let mut project = project.project(root)?;
-            // Only the main drive counts, and only its files are inputs.
+            // Only the main drive is processed, and only its files are inputs.
             project.drives.clear();
             project.evaluations.clear();
             project.check_files()?;
@@ -86,7 +86,7 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (mut project, said) = placed(project, mountings, root, out)?;
+            let (mut project, verdict) = placed(project, mountings, root, out)?;
             if let Some(path) = reference {
                 project.reference = Some(Reference {
                     path: root.join(path),
@@ -94,7 +94,7 @@ fn results(
             }
             project.check_files()?;
             let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m, said), options, progress)?.result
+            pipeline::field(&project, (&name, *tile_m, verdict), options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Overlap { project, mountings } => {
@@ -109,7 +109,7 @@ fn results(
     })
 }
 
-/// Makes the paths in texts relative to a campaign's folder: items are done in copies of it, too.
+/// Makes the paths in texts relative to a campaign's folder, because items may also be run in copies of it.
 fn move_paths(texts: &[PathBuf], root: &Path, folder: &Path) -> Result<()> {
     let staging = Staging::new(folder, &[], &[] as &[&str])?;
     let prefix = format!("{}/", root.display());
@@ -122,14 +122,14 @@ fn move_paths(texts: &[PathBuf], root: &Path, folder: &Path) -> Result<()> {
     staging.commit()
 }
 
-/// Checks that inputs are what they were when the item was named.
+/// Checks that inputs have not changed since the item was named.
 ///
 /// # Errors
 /// The file that has changed.
 fn check_inputs(item: &Item, root: &Path) -> Result<()> {
     for input in &item.inputs {
         let path = root.join(&input.path);
-        // Of one that cannot be read, the stage that needs it says so.
+        // An unreadable file is reported by the stage that needs it.
         let (Some(known), Ok(now)) = (&input.hash, hash_of(&path, &|_| Ok(()))) else {
             continue;
         };
@@ -146,17 +146,17 @@ fn check_inputs(item: &Item, root: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes what a process that ended in the middle of the item left in its folder.
+/// Removes the temporary files that a process left in the item's folder when it ended in the middle of the work.
 pub fn clean(item: &Item, out: &Path) {
     let folder = item.folder(out);
     if folder.is_dir() && !item.is_finished(out) {
-        // Another process that does the same item keeps what it holds; what stays is removed by the next try.
+        // Another process that runs the same item keeps its files; remaining files are removed by the next try.
         drop(Staging::new(&folder, &[], &[] as &[&str]));
         let _ = fs::remove_dir(&folder);
     }
 }
 
-/// Removes what an earlier try of the item left.
+/// Removes the failure of an earlier try of the item.
 ///
 /// # Errors
 /// The file cannot be removed.
@@ -168,7 +168,7 @@ fn remove_failure(item: &Item, out: &Path) -> Result<()> {
     }
 }
 
-/// Times and memory differ between runs: they stand in [`item::WORK`].
+/// Removes times and memory, which differ between runs and are written to [`item::WORK`].
 fn strip_times(result: &mut Value) {
     match result {
         Value::Object(map) => {
@@ -182,7 +182,7 @@ fn strip_times(result: &mut Value) {
     }
 }
 
-/// The project of a drive with its mountings, and what is to be said of them.
+/// The project of a drive with its mountings, and the verdicts on these.
 fn placed(
     project: &ProjectText,
     mountings: &MountingsFrom,
@@ -190,7 +190,7 @@ fn placed(
     out: &Path,
 ) -> Result<(Project, Option<Verdict>)> {
     let mut project = project.project(root)?;
-    // A calibration is not evaluated here.
+    // A calibration is not evaluated in a campaign.
     project.drives.clear();
     project.evaluations.clear();
     let calibration = match mountings {
@@ -198,12 +198,12 @@ fn placed(
         MountingsFrom::File(path) => Some(root.join(path)),
         MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
     };
-    let mut said = None;
+    let mut verdict = None;
     if let Some(path) = calibration {
         project = project.with_calibration(&path)?;
-        said = pipeline::marked_unusable(&path)?;
+        verdict = pipeline::marked_unusable(&path)?;
     }
-    Ok((project, said))
+    Ok((project, verdict))
 }
 
 /// Compares the tiles of two drives.
@@ -238,10 +238,10 @@ fn tiles_of(out: &Path, name: &str) -> Result<Vec<PathBuf>> {
     let folder = item::folder_of(out, name);
     let path = folder.join(item::RESULT);
     let text = fs::read_to_string(&path).map_err(|error| Error::io(&path, error))?;
-    let found: Option<Vec<Tile>> = serde_json::from_str::<Value>(&text)
+    let tiles: Option<Vec<Tile>> = serde_json::from_str::<Value>(&text)
         .ok()
         .and_then(|mut result| serde_json::from_value(result["tiles"].take()).ok());
-    let tiles = found.ok_or_else(|| {
+    let tiles = tiles.ok_or_else(|| {
         let (found, expected) = ("no list of tiles", "the result of a drive");
         Error::format(&path, Location::Whole, found, expected)
     })?;

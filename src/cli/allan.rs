@@ -30,7 +30,7 @@ impl Key {
         Self { name, unit, axes }
     }
 
-    /// The project's value for all axes: that of the noisiest, if all axes are determined.
+    /// The value of the project for all axes: the largest one, if all axes are determined.
     fn recommended(&self) -> Option<f64> {
         let values = self.axes.iter().map(Figure::determined);
         values
@@ -60,10 +60,10 @@ struct Keys {
 }
 
 impl Keys {
-    fn of(found: &ImuNoiseEstimate) -> [Self; 2] {
+    fn of(noise: &ImuNoiseEstimate) -> [Self; 2] {
         let degrees = 1f64.to_degrees();
         let micro_g = 1e6 / STANDARD_GRAVITY_M_S2;
-        let (gyro, accel) = (&found.gyro, &found.accel);
+        let (gyro, accel) = (&noise.gyro, &noise.accel);
         [
             Self {
                 white: Key::new(
@@ -118,9 +118,9 @@ impl Keys {
         [&self.white, &self.instability, &self.walk]
     }
 
-    /// The lines of `[imu]`. A bias walk that is determined replaces the instability, from which
-    /// the project would derive one. Values that are not determined become comments, so that the
-    /// datasheet's value or the default stays in force.
+    /// The lines of `[imu]`. A bias walk that is determined replaces the instability, from which the project would
+    /// otherwise derive a bias walk. Values that are not determined become comments, so that the value of the datasheet
+    /// or the default remains in force.
     fn snippet(&self) -> String {
         let mut text = line(&self.white, self.white.recommended());
         match self.walk.recommended() {
@@ -165,18 +165,18 @@ pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
             "an IMU log at rest, which is the only input of --allan",
         ));
     }
-    let found = allan(&format::read_imu(file)?)?;
-    let keys = Keys::of(&found);
+    let noise = allan(&format::read_imu(file)?)?;
+    let keys = Keys::of(&noise);
     let snippet = keys.iter().map(Keys::snippet).collect::<String>();
     Ok((
-        document(file, &found, &keys, &snippet)?,
-        text(file, &found, &keys, &snippet),
+        document(file, &noise, &keys, &snippet)?,
+        text(file, &noise, &keys, &snippet),
     ))
 }
 
 fn document(
     file: &Path,
-    found: &ImuNoiseEstimate,
+    noise: &ImuNoiseEstimate,
     keys: &[Keys; 2],
     snippet: &str,
 ) -> Result<Value> {
@@ -196,19 +196,19 @@ fn document(
         "path": file.display().to_string(),
         "figures": figures,
         "imu_toml": format!("[imu]\n{snippet}"),
-        "allan": serde_json::to_value(found).map_err(unprintable)?,
+        "allan": serde_json::to_value(noise).map_err(unprintable)?,
     }))
 }
 
-fn text(file: &Path, found: &ImuNoiseEstimate, keys: &[Keys; 2], snippet: &str) -> String {
-    let [first, last] = found.span_s;
+fn text(file: &Path, noise: &ImuNoiseEstimate, keys: &[Keys; 2], snippet: &str) -> String {
+    let [first, last] = noise.span_s;
     let mut text = format!(
         "{}\n  at rest  {first:.3} s to {last:.3} s, {} samples at {:.3} Hz\n",
         file.display(),
-        found.samples,
-        1.0 / found.interval_s
+        noise.samples,
+        1.0 / noise.interval_s
     );
-    for warning in &found.warnings {
+    for warning in &noise.warnings {
         let _ = writeln!(text, "  warning  {warning}");
     }
     let _ = writeln!(
@@ -223,7 +223,7 @@ fn text(file: &Path, found: &ImuNoiseEstimate, keys: &[Keys; 2], snippet: &str) 
         }
         text.push('\n');
     }
-    curves(&mut text, found);
+    curves(&mut text, noise);
     let _ = write!(
         text,
         "\nFor the project, the noisiest axis of each sensor (keep the datasheet's values \
@@ -251,27 +251,27 @@ fn short(sigma: f64) -> String {
 }
 
 /// Appends the Allan deviations, one line per octave.
-fn curves(text: &mut String, found: &ImuNoiseEstimate) {
+fn curves(text: &mut String, noise: &ImuNoiseEstimate) {
     let _ = writeln!(
         text,
         "\n  Allan deviation, gyro °/h, accelerometer µg\n  {:>11}{:>8}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}",
         "τ s", "±", "gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z"
     );
-    for (i, point) in found.gyro[0].curve.iter().enumerate() {
+    for (i, point) in noise.gyro[0].curve.iter().enumerate() {
         let _ = write!(
             text,
             "  {:>11}{:>7.0}%",
             digits(point.tau_s),
             100.0 * point.relative_sigma()
         );
-        for axis in &found.gyro {
+        for axis in &noise.gyro {
             let _ = write!(
                 text,
                 "{:>11}",
                 digits(axis.curve[i].deviation.to_degrees() * 3600.0)
             );
         }
-        for axis in &found.accel {
+        for axis in &noise.accel {
             let micro_g = axis.curve[i].deviation * 1e6 / STANDARD_GRAVITY_M_S2;
             let _ = write!(text, "{:>11}", digits(micro_g));
         }

@@ -1,4 +1,4 @@
-//! `boresight campaign`, and the process that does one item of it.
+//! `boresight campaign`, and the process that runs one of its items.
 
 use std::io::{BufRead, Read, Write};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::tiles::{free_bytes, limit_memory};
 
 /// Process many plots and dates: place points, tile clouds, compare with references and dates before
 ///
-/// What is finished is kept and not done again, however the last call ended. Exits with 1 if an item failed; the page
+/// Finished items are kept and not run again, however the last call ended. Exits with 1 if an item failed; the page
 /// says which and why.
 #[derive(Debug, clap::Args)]
 pub(super) struct Campaign {
@@ -28,7 +28,7 @@ pub(super) struct Campaign {
     /// Items at the same time [default: one per core, as far as memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
-    /// Memory of each item; one that needs more fails [default: an even share of what is free]
+    /// Memory of each item; one that needs more fails [default: an even share of the free memory]
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }
@@ -110,7 +110,7 @@ impl CampaignItem {
         })?;
         let memory_bytes = 1_000_000 * self.memory_mb;
         limit_memory(memory_bytes);
-        // A comparison shares its limit with what it does not count.
+        // A comparison gets half of the limit: the rest is for memory that it does not count.
         let done = work(
             &item,
             &self.root,
@@ -121,14 +121,14 @@ impl CampaignItem {
         done.inspect_err(|error| {
             let failure = Failure::from(error).relative_to(&self.root);
             let text = serde_json::to_string(&failure).unwrap_or_default();
-            // Who reads it has gone.
+            // If the parent has ended, nobody reads the text.
             let _ = writeln!(std::io::stdout(), "{text}");
         })?;
         Ok(Outcome::default())
     }
 }
 
-/// The process that has started this one: when it is gone, the work stops.
+/// The process that started this one: if it ends, the work stops.
 struct Parent {
     is_gone: Arc<AtomicBool>,
 }
@@ -138,7 +138,7 @@ impl Parent {
         let is_gone = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&is_gone);
         std::thread::spawn(move || {
-            // It sends nothing more, and the system closes what it leaves open.
+            // The parent sends nothing more, and the system closes its end of the pipe when it ends.
             let _ = std::io::stdin().read(&mut [0]);
             seen.store(true, Ordering::Relaxed);
         });

@@ -1,4 +1,4 @@
-//! `boresight completions` and `boresight man`: what shells and `man` know of the commands.
+//! `boresight completions` and `boresight man`: descriptions of the commands for shells and `man`.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::pipeline::Outcome;
 
-/// Name of the page of the whole program; those of its commands are `boresight-run.1` and so on.
+/// Name of the page of the whole program; the pages of its commands are `boresight-run.1` and so on.
 const FIRST_PAGE: &str = "boresight.1";
 
 /// Print the completions of a shell

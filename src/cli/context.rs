@@ -83,12 +83,13 @@ impl Context {
     }
 }
 
-/// The project file that is meant: of a folder, such as a recording, the `project.toml` in it.
+/// The project file at a path: if the path is a folder, such as a recording, the `project.toml` in it.
 fn project_file(path: &Path) -> PathBuf {
     let inside = path.join("project.toml");
-    match path.is_dir() && inside.is_file() {
-        true => inside,
-        false => path.to_owned(),
+    if path.is_dir() && inside.is_file() {
+        inside
+    } else {
+        path.to_owned()
     }
 }
 

@@ -37,7 +37,7 @@ impl Inspect {
                 inspect(file, &mut verdicts)
             };
             let (document, text) = match inspected {
-                Ok(found) => found,
+                Ok(description) => description,
                 Err(error) if self.files.len() == 1 => return Err(error),
                 Err(error) => {
                     all_read = false;
@@ -60,12 +60,12 @@ impl Inspect {
     }
 }
 
-/// Adds what the logs of a project contradict to `verdicts`.
+/// Adds contradictions in the logs of a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
     if format::detect(file)?.id() != "project" {
-        let found = format::inspect(file)?;
-        let document = serde_json::to_value(&found).map_err(unprintable)?;
-        return Ok((document, found.to_string().trim_end().to_owned()));
+        let description = format::inspect(file)?;
+        let document = serde_json::to_value(&description).map_err(unprintable)?;
+        return Ok((document, description.to_string().trim_end().to_owned()));
     }
     if let Ok(Mountings {
         scanners,
@@ -78,16 +78,16 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
     let project = Project::read(file)?;
     project.check_files()?;
     let resolved: Value = toml::from_str(&project.to_toml()?).map_err(unprintable)?;
-    let found = pipeline::stages::preflight(&project)?;
+    let contradictions = pipeline::stages::preflight(&project)?;
     let mut document = json!({
         "path": file.display().to_string(),
         "format": "project",
         "project": resolved,
         "steps": describe::steps(&project),
     });
-    if !found.is_empty() {
-        pipeline::result::judge(&mut document, &found);
-        verdicts.extend(found);
+    if !contradictions.is_empty() {
+        pipeline::result::judge(&mut document, &contradictions);
+        verdicts.extend(contradictions);
     }
     Ok((document, describe::project(&project)))
 }

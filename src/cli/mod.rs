@@ -122,7 +122,7 @@ pub fn main() -> ExitCode {
         Ok((false, _)) => ExitCode::from(1),
         Ok((true, Headline::Unusable)) if strict => ExitCode::from(3),
         Ok((true, _)) => ExitCode::SUCCESS,
-        // The reader of what is printed while running has closed the pipe: it has seen enough.
+        // The reader of the output has closed the pipe and needs no more.
         Err(Error::Io { path, source })
             if path.as_os_str() == "stdout" && source.kind() == std::io::ErrorKind::BrokenPipe =>
         {
@@ -156,7 +156,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
         terminal: Terminal::new(global.quiet, global.verbose),
     };
     pool.install(|| {
-        // What asks nobody whether to go on ends at once, as ever.
+        // A command that never checks for interrupts is ended by Ctrl-C at once, which is the default.
         let is_brief = matches!(
             line.command,
             Command::Inspect(_)

@@ -1,4 +1,4 @@
-//! A page printed by a browser that is on this machine.
+//! Prints a page as PDF by a browser on this machine.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -11,9 +11,9 @@ use crate::error::{Error, Result};
 use crate::output::write_whole;
 use crate::pipeline::Outcome;
 
-/// Names another program than those that are looked for.
+/// Environment variable with the program to use in place of the default ones.
 const VARIABLE: &str = "BORESIGHT_CHROMIUM";
-/// Programs that print, in the order in which they are looked for.
+/// Programs that can print, in the order of the search.
 const NAMES: [&str; 8] = [
     "chromium",
     "chromium-browser",
@@ -24,13 +24,13 @@ const NAMES: [&str; 8] = [
     "microsoft-edge-stable",
     "msedge",
 ];
-/// A browser that takes longer has stopped for good.
+/// Time after which a browser counts as hung.
 const TIMEOUT: Duration = Duration::from_secs(180);
 const POLL: Duration = Duration::from_millis(50);
-/// How often its files are removed until they stay away.
+/// Number of attempts to remove the browser's files.
 const REMOVALS: usize = 40;
 
-/// Whether the page is printed as well.
+/// Whether the page is also printed.
 #[derive(Debug, clap::Args)]
 pub(super) struct Pdf {
     /// Print the page as PDF too, by a Chromium, Chrome or Edge on PATH, or the one that BORESIGHT_CHROMIUM names
@@ -42,26 +42,27 @@ impl Pdf {
     /// The browser, if the page is to be printed.
     ///
     /// # Errors
-    /// There is none.
+    /// No browser was found.
     pub fn printer(&self) -> Result<Printer> {
-        let program = match self.pdf {
-            true => Some(find(
+        let program = if self.pdf {
+            Some(find(
                 std::env::var_os(VARIABLE),
                 std::env::var_os("PATH").unwrap_or_default(),
-            )?),
-            false => None,
+            )?)
+        } else {
+            None
         };
         Ok(Printer { program })
     }
 }
 
-/// What prints pages, or leaves them alone.
+/// Prints pages, or does nothing if printing was not asked for.
 pub(super) struct Printer {
     program: Option<PathBuf>,
 }
 
 impl Printer {
-    /// Prints `page` beside itself, if that was asked for, and adds it to the files of `outcome`.
+    /// Prints `page` to a PDF beside it, if printing was asked for, and adds the PDF to the files of `outcome`.
     ///
     /// # Errors
     /// The browser fails, or takes too long; [`Error::Cancelled`].
@@ -75,7 +76,7 @@ impl Printer {
     }
 }
 
-/// The program that the variable names, or the first one on the path.
+/// The program that the variable names, or the first known one on the path.
 fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
     let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
     let on_path = |name: &Path| {
@@ -87,11 +88,12 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
     };
     if let Some(named) = named.filter(|named| !named.is_empty()) {
         let named = PathBuf::from(named);
-        let found = match named.is_file() {
-            true => Some(named.clone()),
-            false => on_path(&named),
+        let program = if named.is_file() {
+            Some(named.clone())
+        } else {
+            on_path(&named)
         };
-        return found.ok_or_else(|| {
+        return program.ok_or_else(|| {
             Error::data(
                 format!(
                     "--pdf: {VARIABLE} names {}, which is no program",
@@ -101,8 +103,8 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
             )
         });
     }
-    let found = NAMES.iter().find_map(|name| on_path(Path::new(name)));
-    found.ok_or_else(|| {
+    let program = NAMES.iter().find_map(|name| on_path(Path::new(name)));
+    program.ok_or_else(|| {
         Error::data(
             format!("--pdf: no browser that prints; looked on PATH for {}", NAMES.join(", ")),
             format!("install one of them, or set {VARIABLE} to its path; or print the page from any browser"),
@@ -110,7 +112,7 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
     })
 }
 
-/// A folder that is gone afterwards. It is not hidden: browsers in sandboxes see no hidden ones.
+/// A temporary folder. It is not hidden, because browsers in sandboxes cannot see hidden folders.
 struct Workplace(PathBuf);
 
 impl Drop for Workplace {
@@ -133,13 +135,13 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
     let folder = page.with_file_name(format!("printing-{}", std::process::id()));
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let workplace = Workplace(folder);
-    let (pdf, said) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
-    let said_file = File::create(&said).map_err(|error| Error::io(&said, error))?;
+    let (pdf, output) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
+    let output_file = File::create(&output).map_err(|error| Error::io(&output, error))?;
     let mut child = Command::new(program)
         .args(arguments(&workplace.0, &pdf, &page))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(said_file)
+        .stderr(output_file)
         .spawn()
         .map_err(|error| Error::io(program, error))?;
     let began = Instant::now();
@@ -151,7 +153,7 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
             break Some(status);
         }
         if interrupt::is_asked() || began.elapsed() > TIMEOUT {
-            // It may have ended in between.
+            // The browser may have ended in the meantime.
             let _ = child.kill();
             let _ = child.wait();
             break None;
@@ -169,9 +171,9 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
         Some(status) => format!("ended with {status} and printed nothing"),
         None => format!("did not end within {} s", TIMEOUT.as_secs()),
     };
-    let said = fs::read(&said).unwrap_or_default();
-    let said = String::from_utf8_lossy(&said);
-    let last = said.lines().rfind(|line| !line.trim().is_empty());
+    let output = fs::read(&output).unwrap_or_default();
+    let output = String::from_utf8_lossy(&output);
+    let last = output.lines().rfind(|line| !line.trim().is_empty());
     let last = last.map_or(String::new(), |line| format!("; it said: {}", line.trim()));
     Err(Error::data(
         format!("{}: {} {how}{last}", page.display(), program.display()),
@@ -179,13 +181,13 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
     ))
 }
 
-/// Whether a PDF has its beginning and its end.
+/// Whether a PDF is complete: it has its first and last bytes.
 fn is_whole(bytes: &[u8]) -> bool {
     let end = &bytes[bytes.len().saturating_sub(32)..];
     bytes.starts_with(b"%PDF-") && end.windows(5).any(|window| window == b"%%EOF")
 }
 
-/// What makes a browser print a page, without its own files and without network.
+/// The arguments with which a browser prints a page, without the user's profile and without network.
 fn arguments(folder: &Path, pdf: &Path, page: &Path) -> Vec<OsString> {
     let with_path = |option: &str, path: &Path| {
         let mut argument = OsString::from(option);
@@ -209,7 +211,7 @@ fn arguments(folder: &Path, pdf: &Path, page: &Path) -> Vec<OsString> {
     .map(OsString::from)
     .into();
     if is_root() {
-        // Chromium refuses its sandbox there. The page is our own.
+        // Chromium refuses to run its sandbox as root. The page is our own.
         all.push("--no-sandbox".into());
     }
     all.push(with_path("--user-data-dir=", &folder.join("profile")));
@@ -221,7 +223,7 @@ fn arguments(folder: &Path, pdf: &Path, page: &Path) -> Vec<OsString> {
 #[cfg(unix)]
 fn is_root() -> bool {
     use std::os::unix::fs::MetadataExt;
-    // On systems without it, nobody runs as root.
+    // On systems without `/proc`, the user is assumed not to be root.
     fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0)
 }
 
@@ -233,7 +235,7 @@ fn is_root() -> bool {
 /// The address of a file, an absolute path.
 fn file_url(path: &Path) -> String {
     let text = path.to_string_lossy().replace('\\', "/");
-    // As canonical paths begin on Windows.
+    // Canonical paths on Windows begin with this prefix.
     let text = text.strip_prefix("//?/").unwrap_or(&text);
     let mut url = String::from("file://");
     if !text.starts_with('/') {

@@ -1,4 +1,4 @@
-//! Sections through the clouds as they lie at a moment.
+//! Sections through the clouds at a moment of the calibration.
 
 use std::collections::BTreeMap;
 
@@ -8,22 +8,23 @@ use crate::statistics::quantile;
 /// Size of a picture, pixels.
 const WIDTH: usize = 960;
 const HEIGHT: usize = 400;
-/// Width of a section, as a share of the clouds' extent, and its least and largest, metres.
+/// Width of a section, as a share of the clouds' extent, and its smallest and largest value, metres.
 const EXTENT_SHARE: f64 = 0.1;
 const LEAST_WIDTH_M: f64 = 0.2;
 const MOST_WIDTH_M: f64 = 10.0;
 /// Thickness of a section, as a share of its width.
 const THICKNESS: f64 = 0.02;
-/// The extent of the clouds is that of one point of so many, without this share at either end.
+/// The extent of the clouds is that of one point in this many, without a share of `TAIL` at either end.
 const EACH: usize = 101;
 const TAIL: f64 = 0.05;
-/// Fewest points of a cloud where it is seen.
+/// Fewest points by which a cell counts as covered by a cloud.
 const LEAST_POINTS: u32 = 20;
 /// Standard deviation of heights that a section shows, as a share of its width.
 const SPREAD_SHARE: f64 = 0.12;
 /// Edge of the square that shows a point, pixels.
 const DOT: usize = 2;
-/// Colours that differ for all eyes (Okabe and Ito); the last cloud is black where it is the reference.
+/// Colours that are distinct for colour-blind readers, too (Okabe and Ito); the last cloud is black if it is the
+/// reference.
 const COLOURS: [[u8; 3]; 6] = [
     [0, 114, 178],
     [230, 159, 0],
@@ -37,23 +38,23 @@ const REFERENCE: &str = "reference";
 /// A section through the clouds.
 #[derive(Debug, Clone)]
 pub struct Picture {
-    /// Which clouds they are, for example "voxels of 50 mm".
+    /// Description of the moment, for example "voxels of 50 mm".
     pub moment: String,
     /// Names of the clouds and their colours in CSS.
     pub legend: Vec<(String, String)>,
     /// Width and thickness, metres.
     pub size_m: [f64; 2],
-    /// As a file.
+    /// The picture as a PNG file.
     pub png: Vec<u8>,
 }
 
-/// Pictures of one place.
+/// Pictures of the same place.
 #[derive(Debug, Default)]
 pub struct Gallery {
     place: Option<Place>,
 }
 
-/// Where sections lie: from west to east, as wide as they are.
+/// The place of sections: they extend from west to east, centred on it.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     centre_m: [f64; 3],
@@ -61,7 +62,7 @@ struct Place {
 }
 
 impl Gallery {
-    /// A section through these clouds; `None` where they have nothing in common, or no points.
+    /// A section through these clouds; `None` if they have no common ground or no points.
     pub fn picture(
         &mut self,
         moment: &str,
@@ -95,7 +96,7 @@ fn colour(index: usize, name: &str) -> [u8; 3] {
 }
 
 impl Place {
-    /// Where all clouds are seen on a slope that is as steep as possible.
+    /// Finds a place that all clouds cover, with a slope that is as steep as possible.
     fn find(clouds: usize, points: &EachPoint<'_>) -> Option<Self> {
         let mut axes: [Vec<f64>; 2] = Default::default();
         let mut count = 0;
@@ -108,9 +109,10 @@ impl Place {
         });
         let extents_m = axes.iter_mut().map(|values| {
             values.sort_by(f64::total_cmp);
-            match values.is_empty() {
-                true => 0.0,
-                false => quantile(values, 1.0 - TAIL) - quantile(values, TAIL),
+            if values.is_empty() {
+                0.0
+            } else {
+                quantile(values, 1.0 - TAIL) - quantile(values, TAIL)
             }
         });
         let extent_m = extents_m.fold(0.0, f64::max);
@@ -146,7 +148,7 @@ impl Place {
         THICKNESS * self.width_m
     }
 
-    /// Its pixels, red, green and blue.
+    /// Its pixels: red, green and blue.
     fn drawn(self, colours: &[[u8; 3]], points: &EachPoint<'_>) -> Vec<u8> {
         let mut pixels = vec![255; 3 * WIDTH * HEIGHT];
         let per_m = WIDTH as f64 / self.width_m;
@@ -159,7 +161,7 @@ impl Place {
             );
             let inside = (0.0..(WIDTH - DOT) as f64).contains(&x)
                 && (0.0..(HEIGHT - DOT) as f64).contains(&y);
-            // Not a number is not within it.
+            // The condition is also false for NaN.
             if !(from_m[1].abs() <= half_m && inside) {
                 return;
             }
@@ -174,7 +176,7 @@ impl Place {
     }
 }
 
-/// What is known of a strip of the ground.
+/// The data of a strip of the ground.
 struct Cell {
     counts: Vec<u32>,
     sum: f64,
@@ -198,7 +200,8 @@ impl Cell {
         self.sum / self.points().max(1.0)
     }
 
-    /// Clouds that are seen here, and how far heights differ, as long as a section of this width shows them all.
+    /// Number of clouds that cover the cell, and the spread of the heights, as long as a section of this width shows
+    /// all of them.
     fn rank(&self, width_m: f64) -> (usize, f64) {
         let seen = self.counts.iter().filter(|count| **count >= LEAST_POINTS);
         let variance = self.squares / self.points().max(1.0) - self.mean().powi(2);
@@ -263,18 +266,18 @@ mod tests {
             rows.iter().sum::<f64>() / rows.len() as f64
         };
         let mut apart = |apart_m: f64| {
-            let found = gallery.picture("a scale", &names, &field(apart_m)).unwrap();
+            let picture = gallery.picture("a scale", &names, &field(apart_m)).unwrap();
             assert_eq!(
-                found.legend[1],
+                picture.legend[1],
                 (REFERENCE.to_owned(), "#000000".to_owned())
             );
-            let pixels = pixels(&found.png);
+            let pixels = pixels(&picture.png);
             let rows = height_of(&pixels, COLOURS[0]) - height_of(&pixels, [0; 3]);
-            rows * found.size_m[0] / WIDTH as f64
+            rows * picture.size_m[0] / WIDTH as f64
         };
         let far = apart(0.04);
         assert!((far - 0.04).abs() < 2e-3, "{far}");
-        // The same place again, where the clouds agree better.
+        // The same place is used again, with clouds that agree better.
         let near = apart(0.01);
         assert!((near - 0.01).abs() < 2e-3, "{near}");
     }

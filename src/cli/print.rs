@@ -31,14 +31,16 @@ pub(super) fn print_outcome(outcome: &Outcome, json: bool) -> Result<()> {
     }
 }
 
-/// The headline, and each statement to take care of behind a `!`.
+/// The headline, and each statement that needs attention after a `!`.
 fn marked(verdicts: &[Verdict]) -> String {
     if verdicts.is_empty() {
         return String::new();
     }
     let mut text = format!("result: {}\n\n", Headline::of(verdicts).text());
-    let marked = verdicts.iter().filter(|found| found.severity.is_marked());
-    text.extend(marked.map(|found| format!("! {}\n\n", found.text)));
+    let marked = verdicts
+        .iter()
+        .filter(|verdict| verdict.severity.is_marked());
+    text.extend(marked.map(|verdict| format!("! {}\n\n", verdict.text)));
     text
 }
 

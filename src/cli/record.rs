@@ -27,9 +27,9 @@ pub(super) struct Record {
     duration: Option<std::time::Duration>,
 }
 
-/// How long a check looks, seconds.
+/// Duration of a check, seconds.
 const CHECK_S: f64 = 5.0;
-/// Time between lines where there is no terminal, seconds.
+/// Interval between lines if stderr is not a terminal, seconds.
 const LINES_S: f64 = 10.0;
 
 impl Record {
@@ -54,7 +54,7 @@ impl Record {
             !interrupt::is_asked() && most_s.is_none_or(|most_s| view.time_s < most_s)
         });
         if self.check {
-            // What it holds was only looked at.
+            // The data of a check are not kept.
             let _ = std::fs::remove_dir_all(&folder);
         }
         ended?;
@@ -89,13 +89,13 @@ impl Record {
     }
 }
 
-/// A line each.
+/// A line per source.
 pub(super) fn summary_of(sources: &[(String, Seen)]) -> String {
     let lines = sources.iter().map(|(name, seen)| line(name, seen));
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// How much each source sent.
+/// The number of records of each source.
 pub(super) fn records_of(sources: &[(String, Seen)]) -> Map<String, Value> {
     let records = sources.iter().map(|(name, seen)| {
         let counts =
@@ -105,11 +105,11 @@ pub(super) fn records_of(sources: &[(String, Seen)]) -> Map<String, Value> {
     records.collect()
 }
 
-/// Shows a recording: on a terminal in place, elsewhere line by line.
+/// Shows a recording: in place on a terminal, otherwise line by line.
 pub(super) struct Screen {
     is_quiet: bool,
     is_terminal: bool,
-    /// Lines that stand on the terminal.
+    /// Number of lines that are shown on the terminal.
     shown: usize,
     next_s: f64,
     was_silent: Vec<bool>,
@@ -160,7 +160,7 @@ impl Screen {
         );
         let mut text = String::new();
         if self.is_terminal {
-            // Over the lines of the last time.
+            // The new lines overwrite the previous ones.
             text.push_str(&"\x1b[A\x1b[2K".repeat(self.shown));
             self.shown = lines.len();
             if is_alarm {
@@ -168,12 +168,12 @@ impl Screen {
             }
         }
         text.push_str(&lines.join("\n"));
-        // What cannot be shown is recorded all the same.
+        // If the lines cannot be printed, recording continues.
         let _ = writeln!(std::io::stderr(), "{text}");
     }
 }
 
-/// A source in a line.
+/// The status of a source in a line.
 fn line(name: &str, seen: &Seen) -> String {
     let state = match (&seen.error, seen.is_open, seen.is_silent) {
         (Some(error), false, _) => format!("CLOSED {error}"),

@@ -11,12 +11,12 @@ use crate::error::Result;
 use crate::pipeline::Outcome;
 use crate::record::{Player, record};
 
-/// Play a recording: its sensors send again, over sockets, what they sent then, and it is recorded as while driving
+/// Play a recording: send its data again over sockets as the sensors did, and record it as while driving
 #[derive(Debug, clap::Args)]
 pub(super) struct Replay {
     /// The folder of the recording
     folder: PathBuf,
-    /// Play so many times as fast
+    /// Play this many times as fast
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = speed)]
     speed: f64,
     /// Folder of the new recording [default: nothing is kept]
@@ -44,7 +44,7 @@ impl Replay {
         });
         let played = player.finish();
         if self.out.is_none() {
-            // What it holds was only looked at.
+            // The recording is not kept.
             let _ = std::fs::remove_dir_all(&folder);
         }
         ended?;

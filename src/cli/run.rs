@@ -28,7 +28,7 @@ pub(super) struct Repeat {
 }
 
 impl Repeat {
-    /// The options with this.
+    /// The options with this setting.
     pub fn of(&self, options: &Options) -> Options {
         Options {
             fresh: self.fresh,

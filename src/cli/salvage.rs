@@ -11,7 +11,7 @@ use crate::format;
 use crate::output::Staging;
 use crate::pipeline::Outcome;
 
-/// Copy damaged recordings (`.bin`) and text tables without what is cut off or no number
+/// Copy damaged recordings (`.bin`) and text tables without incomplete or unreadable records
 #[derive(Debug, clap::Args)]
 pub(super) struct Salvage {
     /// The damaged files
@@ -42,23 +42,23 @@ impl Salvage {
         let staging = Staging::new(&self.out, &self.files, &names)?;
         let (mut documents, mut lines) = (Vec::new(), Vec::new());
         for (file, name) in self.files.iter().zip(&names) {
-            let found = format::salvage(file, &staging.path(name))?;
-            let what = match found.dropped_rows {
+            let salvaged = format::salvage(file, &staging.path(name))?;
+            let what = match salvaged.dropped_rows {
                 0 => "records".to_owned(),
                 rows => format!("rows, {rows} left out"),
             };
-            lines.push(match found.first_byte {
-                None => format!("{}: whole, {} kept", file.display(), found.kept),
+            lines.push(match salvaged.first_byte {
+                None => format!("{}: whole, {} kept", file.display(), salvaged.kept),
                 Some(byte) => format!(
                     "{}: kept {} {what}; {} bytes left out in {} places, the first at byte {byte}",
                     file.display(),
-                    found.kept,
-                    found.dropped_bytes,
-                    found.places
+                    salvaged.kept,
+                    salvaged.dropped_bytes,
+                    salvaged.places
                 ),
             });
-            let found = serde_json::to_value(found).map_err(unprintable)?;
-            documents.push(json!({ "file": file.display().to_string(), "salvaged": found }));
+            let salvaged = serde_json::to_value(salvaged).map_err(unprintable)?;
+            documents.push(json!({ "file": file.display().to_string(), "salvaged": salvaged }));
         }
         staging.commit()?;
         Ok(Outcome {

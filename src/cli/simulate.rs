@@ -24,7 +24,7 @@ impl Simulate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let written = self.out.join("scenario.toml");
         let scenario = PathBuf::from(&self.scenario);
-        // That the scenario itself would be replaced is said further on.
+        // Replacing the scenario itself is reported later.
         let is_input = same_file::is_same_file(&written, &scenario).unwrap_or(false);
         if written.exists() && !is_input && !self.force {
             return Err(Error::format(

@@ -13,11 +13,11 @@ use super::tracker::{Shown, Tracker, duration, line, time_left};
 use crate::error::Result;
 use crate::progress::{EachPoint, Progress};
 
-/// How often what is shown is looked at again.
+/// Interval between updates of the display.
 const TICK: Duration = Duration::from_millis(200);
-/// Where stderr is no terminal, a line says how far the work is after so long without any other, seconds.
+/// If stderr is not a terminal, a line reports the progress after this time without any other line, seconds.
 const LINE_AFTER_S: f64 = 10.0;
-/// Steps of a bar.
+/// Number of steps of a bar.
 const BAR_STEPS: u64 = 1000;
 
 /// Shows bars on a terminal and lines elsewhere, and keeps every line for the log.
@@ -31,7 +31,7 @@ pub(super) struct Terminal {
     gallery: Mutex<Gallery>,
 }
 
-/// What the work has said so far.
+/// The messages of the work so far.
 #[derive(Default)]
 pub(super) struct State {
     /// The running stages.
@@ -43,19 +43,19 @@ pub(super) struct State {
     warned: Vec<String>,
     /// When a line was last shown, seconds since the start.
     shown_s: f64,
-    /// Whether somebody looks at pictures.
+    /// Whether pictures are watched.
     is_watched: bool,
     pictures: Vec<Picture>,
 }
 
-/// What a page shows of the work.
+/// The view of the work that a page shows.
 pub(super) struct View {
     state: Arc<Mutex<State>>,
     start: Instant,
 }
 
 impl View {
-    /// How far the work is, with what the log has from a place on, and the place where it ends now.
+    /// The progress, the lines of the log from position `log_from` on, and the position of its end.
     pub fn event(&self, log_from: usize) -> (Value, usize) {
         let mut state = locked(&self.state);
         let stages = state.tracker.shown(self.start.elapsed().as_secs_f64());
@@ -84,7 +84,7 @@ impl View {
         (event, state.log.len())
     }
 
-    /// A picture of the clouds as a file; `None` where there is none of this number.
+    /// A picture of the clouds as a file; `None` if there is none with this number.
     pub fn picture(&self, number: usize) -> Option<Vec<u8>> {
         let state = locked(&self.state);
         Some(state.pictures.get(number)?.png.clone())
@@ -104,7 +104,7 @@ impl Terminal {
         if !quiet {
             let (bars, start) = (terminal.bars, terminal.start);
             let state = Arc::downgrade(&terminal.state);
-            // Without a thread, the work goes on and less is shown.
+            // If the thread cannot start, the work continues with fewer updates.
             let _ = std::thread::Builder::new().spawn(move || tick(&state, bars, start));
         }
         terminal
@@ -125,7 +125,7 @@ impl Terminal {
         crate::output::write_whole(path, self.state().log.as_bytes())
     }
 
-    /// What pages show. From now on, pictures are made of clouds.
+    /// The view for pages. From now on, pictures of clouds are made.
     pub fn watched(&self) -> View {
         self.state().is_watched = true;
         View {
@@ -158,7 +158,7 @@ impl Terminal {
         }
     }
 
-    /// Shows the bar of the innermost stage instead of that before.
+    /// Replaces the bar by one for the innermost stage.
     fn renew_bar(&self, state: &mut State) {
         if !self.bars {
             return;
@@ -181,12 +181,12 @@ fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// If stderr is closed, the line is lost.
+/// Prints a line to stderr; it is lost if stderr is closed.
 fn print(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// Looks again and again how far the work is, for as long as there is somebody to show it.
+/// Updates the display of the progress until the terminal is dropped.
 fn tick(state: &Weak<Mutex<State>>, bars: bool, start: Instant) {
     loop {
         std::thread::sleep(TICK);
@@ -206,7 +206,7 @@ fn tick(state: &Weak<Mutex<State>>, bars: bool, start: Instant) {
     }
 }
 
-/// The line that is due where there is no terminal.
+/// The progress line that is due if stderr is not a terminal.
 fn due(shown_s: &mut f64, stages: &[Shown], now_s: f64) -> Option<String> {
     if now_s - *shown_s < LINE_AFTER_S {
         return None;
@@ -216,7 +216,7 @@ fn due(shown_s: &mut f64, stages: &[Shown], now_s: f64) -> Option<String> {
     Some(line)
 }
 
-/// Shows how far the stages are: a bar where anything can be counted, otherwise the time so far.
+/// Shows the progress of the stages: a bar if anything can be counted, otherwise the elapsed time.
 fn update(bar: &ProgressBar, stages: &[Shown]) {
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
     let counted = stages.iter().rev().find(|stage| stage.share.is_some());
@@ -244,13 +244,13 @@ impl Progress for Terminal {
 
     fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {
         let state = self.state();
-        // Stages within others calibrate again under other conditions.
+        // Nested stages repeat the calibration under other conditions.
         let shows = state.is_watched && state.tracker.depth() <= 1;
         drop(state);
         if !shows {
             return;
         }
-        // Pages and the bar go on while it is drawn.
+        // The state is unlocked, so that pages and the bar are updated while the picture is drawn.
         let mut gallery = self.gallery.lock().unwrap_or_else(PoisonError::into_inner);
         let picture = gallery.picture(moment, names, points);
         self.state().pictures.extend(picture);

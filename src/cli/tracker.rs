@@ -1,17 +1,17 @@
-//! The running stages: how much of each is done, and how long it will still take.
+//! The running stages: the finished share of each, and the remaining time.
 //!
-//! Times are seconds since the program began, and are given by the caller.
+//! Times are seconds since the program began; the caller passes them.
 
-/// Time until the rate of a stage is certain enough to say how long it will take, seconds.
+/// Time after which the rate of a stage is certain enough to estimate the remaining time, seconds.
 const RATE_KNOWN_AFTER_S: f64 = 2.0;
-/// What is left of an estimate at least while nothing new is heard of its stage, as a share.
+/// Smallest share of an estimate that is shown while there is no news of its stage.
 const LEAST_LEFT: f64 = 0.1;
-/// The time left is shown to rise only where it is longer by more than this factor, and by so many seconds
-/// more: what is less is noise.
+/// The remaining time is shown to rise only if it is longer by more than this factor and by more than this number of
+/// seconds: smaller changes are noise.
 const RISE_FACTOR: f64 = 1.5;
 const RISE_S: f64 = 5.0;
 
-/// The stages that run now.
+/// The stages that are running.
 #[derive(Debug, Default)]
 pub(super) struct Tracker {
     stages: Vec<Stage>,
@@ -26,7 +26,7 @@ struct Stage {
     left: Countdown,
 }
 
-/// A stage that is over.
+/// A stage that has ended.
 #[derive(Debug, PartialEq)]
 pub(super) struct Ended {
     /// Number of stages around it.
@@ -35,20 +35,20 @@ pub(super) struct Ended {
     pub took_s: f64,
 }
 
-/// A stage as it is shown.
+/// The state of a stage for display.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shown {
     pub name: String,
-    /// Seconds since it began.
+    /// Time since it began, seconds.
     pub ran_s: f64,
-    /// The share that is done; `None` where nobody knows.
+    /// The finished share; `None` if it is unknown.
     pub share: Option<f64>,
-    /// The time left, seconds; `None` where the rate is not known yet.
+    /// The remaining time, seconds; `None` if the rate is not known yet.
     pub left_s: Option<f64>,
 }
 
 impl Tracker {
-    /// A stage begins within those that run; `total` is its number of work units, 0 if unknown.
+    /// Begins a stage within the running ones; `total` is its number of work units, 0 if unknown.
     pub fn begin(&mut self, name: &str, total: u64, now_s: f64) {
         self.stages.push(Stage {
             name: name.to_owned(),
@@ -59,7 +59,7 @@ impl Tracker {
         });
     }
 
-    /// More units of the innermost stage are done.
+    /// Adds finished units to the innermost stage.
     pub fn advance(&mut self, units: u64, now_s: f64) {
         let Some(stage) = self.stages.last_mut() else {
             return;
@@ -73,7 +73,7 @@ impl Tracker {
         }
     }
 
-    /// The innermost stage ends; `None` where none runs.
+    /// Ends the innermost stage; `None` if none is running.
     pub fn end(&mut self, now_s: f64) -> Option<Ended> {
         let stage = self.stages.pop()?;
         Some(Ended {
@@ -83,12 +83,12 @@ impl Tracker {
         })
     }
 
-    /// Number of stages that run, each within that before.
+    /// Number of running stages, each nested in the one before.
     pub fn depth(&self) -> usize {
         self.stages.len()
     }
 
-    /// All stages that run, innermost last.
+    /// All running stages, innermost last.
     pub fn shown(&mut self, now_s: f64) -> Vec<Shown> {
         let shown = |stage: &mut Stage| Shown {
             name: stage.name.clone(),
@@ -106,8 +106,8 @@ impl Stage {
     }
 }
 
-/// One line about the stages, of which the innermost is last: their names, and what the innermost that can
-/// be counted says; `None` where none runs.
+/// One line about the stages, of which the innermost is last: their names, and the progress of the innermost stage that
+/// has any; `None` if none is running.
 pub(super) fn line(stages: &[Shown]) -> Option<String> {
     let innermost = stages.last()?;
     let names: Vec<&str> = stages.iter().map(|stage| stage.name.as_str()).collect();
@@ -116,15 +116,16 @@ pub(super) fn line(stages: &[Shown]) -> Option<String> {
     let Some((stage, share)) = counted.and_then(|stage| Some((stage, stage.share?))) else {
         return Some(format!("{names}: {} so far", duration(innermost.ran_s)));
     };
-    let of = match std::ptr::eq(stage, innermost) {
-        true => String::new(),
-        false => format!(" of {}", stage.name),
+    let suffix = if std::ptr::eq(stage, innermost) {
+        String::new()
+    } else {
+        format!(" of {}", stage.name)
     };
     let left = stage
         .left_s
         .map(|left_s| format!(", {}", time_left(left_s)));
     Some(format!(
-        "{names}: {:.0} %{of}{}",
+        "{names}: {:.0} %{suffix}{}",
         (100.0 * share).floor(),
         left.unwrap_or_default()
     ))
@@ -154,15 +155,15 @@ pub(super) fn duration(seconds: f64) -> String {
     }
 }
 
-/// A time left that goes down.
+/// A remaining time that decreases.
 ///
-/// What is shown runs faster or slower than the clock, so that it ends together with the newest estimate;
-/// it rises only where the estimate is longer by far.
+/// The displayed time runs faster or slower than the clock, so that it reaches zero together with the newest estimate;
+/// it rises only if the estimate is much longer.
 #[derive(Debug, Default)]
 struct Countdown {
-    /// The newest estimate, and when it was made.
+    /// The newest estimate, and the time when it was made.
     estimate: Option<(f64, f64)>,
-    /// What is shown, and since when.
+    /// The displayed value, and the time since when it is displayed.
     shown: Option<(f64, f64)>,
 }
 
@@ -182,12 +183,13 @@ impl Countdown {
             return Some(left);
         };
         let before = left_at(shown_s.max(made_s));
-        // Both reach zero together.
-        let mut next = match before > 0.0 {
-            true => shown * left / before,
-            false => 0.0,
+        // Both reach zero at the same time.
+        let mut next = if before > 0.0 {
+            shown * left / before
+        } else {
+            0.0
         };
-        // Estimates that were too long are forgotten within some seconds.
+        // Estimates that were too long are corrected within some seconds.
         if next > left {
             next -= (next - left) * (1.0 - (-(now_s - shown_s) / RISE_S).exp());
         }
@@ -203,7 +205,7 @@ impl Countdown {
 mod tests {
     use super::*;
 
-    /// The time left that is shown, each half second of a stage whose units end at these times.
+    /// The displayed remaining time at each half second of a stage whose units end at these times.
     fn shown_over(ends_s: &[f64]) -> Vec<(f64, f64)> {
         let mut tracker = Tracker::default();
         tracker.begin("calibrating", ends_s.len() as u64, 0.0);
@@ -232,7 +234,7 @@ mod tests {
 
     #[test]
     fn noise_never_makes_the_time_left_rise() {
-        // Ten units of 0.36 s and ten of 0.44 s in turn.
+        // Ten units of 0.36 s and ten of 0.44 s alternate.
         let mut now_s = 0.0;
         let mut ends_s = Vec::new();
         for i in 0..200 {
@@ -245,7 +247,7 @@ mod tests {
         }
         let (_, last) = shown[shown.len() - 1];
         assert!(last < 1.0, "{last}");
-        // The estimate itself does rise.
+        // The estimate itself rises.
         let means = ends_s
             .iter()
             .zip(1..)
@@ -256,7 +258,7 @@ mod tests {
 
     #[test]
     fn a_stage_that_takes_much_longer_is_said() {
-        // Half of the units in 10 s, the other half in 100.
+        // Half of the units take 10 s, the other half 100 s.
         let fast = (1..=50).map(|i| 0.2 * f64::from(i));
         let slow = (1..=50).map(|i| 10.0 + 2.0 * f64::from(i));
         let shown = shown_over(&fast.chain(slow).collect::<Vec<_>>());
@@ -281,20 +283,20 @@ mod tests {
         let mut tracker = Tracker::default();
         assert_eq!(line(&tracker.shown(1.0)), None);
         tracker.begin("evaluate drive-2", 0, 0.0);
-        let said = |tracker: &mut Tracker, now_s| line(&tracker.shown(now_s)).unwrap();
-        assert_eq!(said(&mut tracker, 3.0), "evaluate drive-2: 3.0 s so far");
+        let line_at = |tracker: &mut Tracker, now_s| line(&tracker.shown(now_s)).unwrap();
+        assert_eq!(line_at(&mut tracker, 3.0), "evaluate drive-2: 3.0 s so far");
         tracker.begin("joint adjustment", 100, 10.0);
         let nested = "evaluate drive-2, joint adjustment";
         tracker.advance(10, 11.0);
-        assert_eq!(said(&mut tracker, 11.5), format!("{nested}: 10 %"));
+        assert_eq!(line_at(&mut tracker, 11.5), format!("{nested}: 10 %"));
         tracker.advance(33, 53.0);
         assert_eq!(
-            said(&mut tracker, 53.0),
+            line_at(&mut tracker, 53.0),
             format!("{nested}: 43 %, 57 s left")
         );
         tracker.begin("covariance", 0, 60.0);
         let nested = format!("{nested}, covariance: 43 % of joint adjustment, 50 s left");
-        assert_eq!(said(&mut tracker, 60.0), nested);
+        assert_eq!(line_at(&mut tracker, 60.0), nested);
         assert_eq!(tracker.end(61.0).unwrap().depth, 2);
         let ended = tracker.end(70.0).unwrap();
         assert_eq!((ended.depth, ended.took_s), (1, 60.0));

@@ -26,8 +26,10 @@ pub(super) fn seconds(text: &str) -> Result<Duration, String> {
 
 /// Seconds above 0.
 pub(super) fn positive_seconds(text: &str) -> Result<Duration, String> {
-    let found = seconds(text.trim()).ok().filter(|found| !found.is_zero());
-    found.ok_or_else(|| "expected seconds above 0".to_owned())
+    let duration = seconds(text.trim())
+        .ok()
+        .filter(|duration| !duration.is_zero());
+    duration.ok_or_else(|| "expected seconds above 0".to_owned())
 }
 
 /// `vertical`, or east,north,up.

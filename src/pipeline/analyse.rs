@@ -31,12 +31,11 @@ const RESULTS: [&str; 7] = [
     "result.json",
 ];
 
-/// The paper reports 50 to 450 iterations per scale.
+/// Iterations per scale: the paper reports 50 to 450.
 const PAPER_ITERATIONS: usize = 450;
 
-/// Runs all stages on the project and writes every result into the folder `out` of the options, whole or not at
-/// all. Stages that an earlier run with this folder finished from the same inputs are not run again, unless the
-/// options say so.
+/// Runs all stages on the project and writes all results, or none, into the folder `out` of the options. Stages that an
+/// earlier run with this folder finished from the same inputs are not run again, unless the options ask for it.
 ///
 /// # Errors
 /// The first error of any stage; the folder then keeps its previous content.
@@ -59,15 +58,15 @@ pub fn analyse(
     let mut job = job.with_finished(finished);
     let mut own = Own::new(project);
 
-    let (poses, mut found) = Calibrated::find(project, &own, &keys, &mut job)?;
-    let project = &found.project.clone();
-    let others = calibrate_variants((project, &found.start), extras, &own, &keys, &mut job)?;
-    found.variants.extend(others);
+    let (poses, mut calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
+    let project = &calibrated.project.clone();
+    let variants = calibrate_variants((project, &calibrated.start), extras, &own, &keys, &mut job)?;
+    calibrated.variants.extend(variants);
     own.forget_poses_and_samples();
-    let placed = stages::with_latencies(project, found.accepted());
-    let adjusted = drives::Adjusted::new(&placed, &poses, found.accepted())?;
+    let placed = stages::with_latencies(project, calibrated.accepted());
+    let adjusted = drives::Adjusted::new(&placed, &poses, calibrated.accepted())?;
     let mounted = Mounted {
-        mountings: &found.result.poses(),
+        mountings: &calibrated.result.poses(),
         bending: &adjusted.bending,
     };
     let mut kept = None;
@@ -79,16 +78,16 @@ pub fn analyse(
         kept = Some(points);
         Ok(())
     })?;
-    let mountings = found.mountings(extras.truth.as_ref());
+    let mountings = calibrated.mountings(extras.truth.as_ref());
     let compared = drives::Compared {
         project: &placed,
         mountings: &mountings,
-        calibration: &found.result,
+        calibration: &calibrated.result,
         keys: &keys,
     };
     let shown = compared.all((poses, adjusted, kept), &own, &mut job)?;
     let (drives, scenes): (Vec<_>, Vec<_>) = shown.into_iter().unzip();
-    let mut findings = found.findings(mountings, drives, &mut job);
+    let mut findings = calibrated.findings(mountings, drives, &mut job);
     findings.scenes = scenes;
     findings.files = files;
     write(project, &findings, extras, &job)?;
@@ -100,7 +99,7 @@ pub fn analyse(
     Ok(findings)
 }
 
-/// Calibrates the same drive under every other condition that `extras` and the reference allow.
+/// Calibrates the same drive under all other conditions that `extras` and the reference allow.
 fn calibrate_variants(
     (project, start): (&Project, &Start),
     extras: &Extras,
@@ -120,21 +119,21 @@ fn calibrate_variants(
     let key = &keys.calibration;
     let mut variants = Vec::new();
     if project.reference.is_some() {
-        let found = calibrate("calibrate without reference", key, &|progress| {
+        let calibration = calibrate("calibrate without reference", key, &|progress| {
             let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
             stages::calibration(&begin, &settings, poses, samples, &[], progress)
         });
-        variants.push((Variant::WithoutReference, found?));
+        variants.push((Variant::WithoutReference, calibration?));
     }
     if let Some(truth) = &extras.truth {
         let key = key.clone().with(&truth.trajectory);
-        let found = calibrate("calibrate with exact poses", &key, &|progress| {
+        let calibration = calibrate("calibrate with exact poses", &key, &|progress| {
             let exact = EstimatedPoses::from_file(truth.trajectory.clone());
             let samples = stages::samples(&begin, exact.trajectory(), progress)?;
             let reference = own.reference(progress)?;
             stages::calibration(&begin, &settings, &exact, &samples, reference, progress)
         });
-        variants.push((Variant::ExactPoses, found?));
+        variants.push((Variant::ExactPoses, calibration?));
     }
     if !extras.paper_voxels_m.is_empty() {
         let paper = CalibrationSettings {
@@ -144,17 +143,17 @@ fn calibrate_variants(
             ..settings.clone()
         };
         let key = key.clone().with(&paper);
-        let found = calibrate("calibrate as the paper", &key, &|progress| {
+        let calibration = calibrate("calibrate as the paper", &key, &|progress| {
             let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
             let reference = own.reference(progress)?;
             stages::calibration(&begin, &paper, poses, samples, reference, progress)
         });
-        variants.push((Variant::Paper, found?));
+        variants.push((Variant::Paper, calibration?));
     }
     Ok(variants)
 }
 
-/// Writes everything but the clouds, which are already staged.
+/// Writes all results except the clouds, which are already staged.
 fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>) -> Result<()> {
     if let Some(own) = findings.drives.first() {
         let path = job.path("trajectory.csv");
@@ -171,9 +170,9 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         }
     }
     job.write("report.html", &report::render(&content))?;
-    let kept = job.path(kept_page::NAME);
+    let path = job.path(kept_page::NAME);
     let bytes = kept_page::bytes_of(&content, &project.path);
-    std::fs::write(&kept, bytes).map_err(|error| Error::io(&kept, error))?;
+    std::fs::write(&path, bytes).map_err(|error| Error::io(&path, error))?;
     let document = result::document(findings);
     job.write("result.json", &format!("{document:#}\n"))
 }

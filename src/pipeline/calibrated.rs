@@ -19,19 +19,19 @@ use crate::results::Drive;
 use crate::stored::stored;
 use crate::verdict::Severity;
 
-/// What the stages found.
+/// The results of the stages.
 pub struct Calibrated {
     /// The project with the scales that follow from its points.
     pub project: Project,
     /// The reference, thinned for drawing.
     pub background_m: Vec<Vec3>,
-    /// From where the calibration began.
+    /// The start values of the calibration.
     pub start: Start,
     /// The calibration that gives the result.
     pub result: Calibration,
-    /// Others of the same drive: that in two steps, where it is not the result.
+    /// Other calibrations of the same drive: that in two steps, if it is not the result.
     pub variants: Vec<(Variant, Calibration)>,
-    /// The joint adjustment, where the project asks for it.
+    /// The joint adjustment, if the project asks for it.
     pub joint: Option<JointReport>,
 }
 
@@ -75,10 +75,10 @@ impl Calibrated {
             let reference = own.reference(progress)?;
             stages::calibration(&begin, &settings, poses, samples, reference, progress)
         })?;
-        // Scans that are not where they belong would take minutes to be refused.
-        let mut said = poses.preflight.iter().chain(&start.said);
+        // Refusing scans that are badly misplaced would otherwise take minutes.
+        let mut verdicts = poses.preflight.iter().chain(&start.said);
         let minimum = two_steps.minimum.as_ref();
-        let hindrance = if said.any(|verdict| verdict.severity == Severity::Fault) {
+        let hindrance = if verdicts.any(|verdict| verdict.severity == Severity::Fault) {
             Some("logs or scans have the fault that stands first")
         } else if minimum.is_some_and(Minimum::is_doubtful) {
             Some("two steps found another minimum that fits as well")
@@ -103,12 +103,12 @@ impl Calibrated {
         };
         let (result, variants) = match joint.as_ref().and_then(JointReport::accepted) {
             Some(joint) => {
-                let found = joint.calibration(&two_steps);
-                (found, vec![(Variant::TwoStep, two_steps)])
+                let calibration = joint.calibration(&two_steps);
+                (calibration, vec![(Variant::TwoStep, two_steps)])
             }
             None => (two_steps, Vec::new()),
         };
-        let found = Self {
+        let calibrated = Self {
             project,
             background_m,
             start,
@@ -116,7 +116,7 @@ impl Calibrated {
             variants,
             joint,
         };
-        Ok((poses, found))
+        Ok((poses, calibrated))
     }
 
     /// The joint adjustment whose values are the result.
@@ -130,13 +130,14 @@ impl Calibrated {
         let mut mountings = vec![(MountingKind::Initial, initial)];
         let mut variants = self.variants.iter();
         let two_steps = variants.find(|(variant, _)| *variant == Variant::TwoStep);
-        mountings.extend(two_steps.map(|(_, found)| (MountingKind::TwoStep, found.poses())));
+        mountings
+            .extend(two_steps.map(|(_, calibration)| (MountingKind::TwoStep, calibration.poses())));
         mountings.push((MountingKind::Final, self.result.poses()));
         mountings.extend(truth.map(|truth| (MountingKind::Truth, truth.mountings.clone())));
         mountings
     }
 
-    /// The findings of a run with the results of its drives, the project's own first; judged.
+    /// The findings of a run, judged, with the results of its drives, the project's own first.
     pub fn findings(
         self,
         mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
@@ -145,13 +146,13 @@ impl Calibrated {
     ) -> Findings {
         let project = &self.project;
         let solution = drives.first().and_then(|drive| drive.solution.as_ref());
-        // An error of the origin moves no point of a drive, and is left out until here.
+        // An error of the origin moves no point of a drive, so it is added only here.
         let origin_sigma_m = stages::origin_sigma_m(project, solution);
         let calibration = self.result.with_origin_sigma(origin_sigma_m);
         let variants = self.variants.into_iter();
-        let variants = variants.map(|(variant, found)| match variant {
-            Variant::ExactPoses => (variant, found),
-            _ => (variant, found.with_origin_sigma(origin_sigma_m)),
+        let variants = variants.map(|(variant, calibration)| match variant {
+            Variant::ExactPoses => (variant, calibration),
+            _ => (variant, calibration.with_origin_sigma(origin_sigma_m)),
         });
         job.warn_of_changes();
         let mut findings = Findings {
@@ -176,7 +177,7 @@ impl Calibrated {
     }
 }
 
-/// What samples tell of a project.
+/// Properties of a project that follow from its samples.
 struct Sampled {
     voxel_sizes_m: Vec<f64>,
 }
@@ -195,8 +196,9 @@ impl Sampled {
 /// The reference, thinned to a few thousand points.
 fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
     const VOXEL_M: f64 = 0.05;
-    let kept = voxel::thin(reference, VOXEL_M);
-    kept.iter()
+    let thinned = voxel::thin(reference, VOXEL_M);
+    thinned
+        .iter()
         .map(|&index| reference[index as usize])
         .collect()
 }
@@ -223,7 +225,7 @@ pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()
     Ok(())
 }
 
-/// The project with this method in place of its own.
+/// The project with `method` in place of its own.
 pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
     let mut project = project.clone();
     project.is_joint = method == Method::Joint;

@@ -17,21 +17,21 @@ use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
 
-/// Maximum number of points per scanner and drive that are kept for comparison. M3C2 averages over
-/// cylinders; this many points still put tens of them into each.
+/// Maximum number of points per scanner and drive that are kept for comparison. M3C2 averages over cylinders; this many
+/// points still put tens of points into each cylinder.
 const MAX_KEPT: usize = 2_000_000;
 
-/// How scanners sit on the body.
+/// The mountings of the scanners on the body.
 #[derive(Debug, Clone, Copy)]
 pub struct Mounted<'a> {
-    /// One a scanner.
+    /// The mounting of each scanner.
     pub mountings: &'a [BodyFromScanner],
-    /// How each moves about it along the drive; empty where they are rigid.
+    /// The motion of each scanner about its mounting along the drive; empty if mountings are rigid.
     pub bending: &'a [Bending],
 }
 
 impl<'a> Mounted<'a> {
-    /// Rigidly.
+    /// Mountings that are rigid.
     pub fn rigid(mountings: &'a [BodyFromScanner]) -> Self {
         Self {
             mountings,
@@ -40,37 +40,37 @@ impl<'a> Mounted<'a> {
     }
 }
 
-/// How the mountings of a project move along a drive by their compliance; empty where none has one.
+/// The motion of a project's mountings along a drive by their compliance; empty if none has a compliance.
 pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
     if project.scanners.iter().all(|s| s.compliance.is_none()) {
         return Vec::new();
     }
-    // Loads are known where poses are too uncertain to place points.
+    // Loads are also known where poses are too uncertain to place points.
     let loads = loads(&trajectory.clone().without_limits());
     let scanners = project.scanners.iter();
-    let of = |scanner: &Scanner| {
+    let bending = |scanner: &Scanner| {
         Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {
             let compliance = scanner.compliance.as_ref();
             compliance.map_or([0.0; 6], |c| c.offset(&loads.at(time_s)))
         })
     };
-    scanners.map(of).collect()
+    scanners.map(bending).collect()
 }
 
 /// An even sample of the laser points of one scanner.
 #[derive(Debug, Clone, Default)]
 pub struct Kept {
-    /// Number of points with a pose, of which these are a sample.
+    /// Number of points with a pose, from which the sample was taken.
     pub of: u64,
-    /// In the scanner frame, in the order they were measured, each with the number of its profile among those
-    /// with points in the recordings of the scanner, from 0.
+    /// Points in the scanner frame, in the order of measurement, each with the number of its profile among those with
+    /// points in the recordings of the scanner, from 0.
     pub points: Vec<(u32, ScanPoint)>,
 }
 
 /// An even sample of each scanner's laser points.
 pub type KeptPoints = Vec<Kept>;
 
-/// The values of a georeferenced point beside its position, time and intensity.
+/// The values of a georeferenced point in addition to its position, time and intensity.
 struct Values {
     scanner: u16,
     /// Number of the profile among those with points in the recordings of the scanner, from 0.
@@ -99,7 +99,7 @@ impl Values {
         ]
     }
 
-    /// Of the next point: one at another time belongs to another profile. Returns whether it does.
+    /// Advances to the next point: one at another time belongs to another profile. Returns whether it does.
     fn next(&mut self, time_s: f64) -> bool {
         if self.time_s == time_s {
             return false;
@@ -127,10 +127,10 @@ fn wkt(project: &Project) -> Result<Option<String>> {
     Ok(wkt.transpose()?.flatten())
 }
 
-/// What is known of a drive's clouds before their points are.
+/// The properties of a drive's clouds that are known before their points are placed.
 ///
 /// # Errors
-/// The reference cannot be read, whose coordinate reference system is theirs.
+/// The reference cannot be read, from which the clouds have their coordinate reference system.
 pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
     let (first_s, last_s) = trajectory.span_s();
     Ok(CloudShape {
@@ -143,10 +143,10 @@ pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
     })
 }
 
-/// Opens what takes the points of the scanner of this number.
+/// Opens the sink for the points of the scanner with this number.
 pub type OpenSink<'a> = dyn Fn(usize, &CloudShape) -> Result<Box<dyn CloudSink + 'a>> + Sync + 'a;
 
-/// Opens LAS or LAZ files, one a scanner.
+/// Opens LAS or LAZ files, one per scanner.
 pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
     Box::new(move |index, shape| {
         Ok(Box::new(CloudWriter::around(
@@ -157,9 +157,8 @@ pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
     })
 }
 
-/// Reads all profiles of the project once and keeps an even sample of each scanner's points. If
-/// `placed` gives a mounting and what takes the points of each scanner, all points are placed and
-/// written as well.
+/// Reads all profiles of the project once and keeps an even sample of each scanner's points. If `placed` gives a
+/// mounting and a sink for the points of each scanner, all points are also placed and written.
 ///
 /// # Errors
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
@@ -191,7 +190,7 @@ pub fn stream(
         .sum();
     let shape = placed.map(|_| shape(project, trajectory)).transpose()?;
     let stage = progress.stage("georeferencing", bytes);
-    let found = in_parallel(jobs, |(number, scanner, readers)| {
+    let samples = in_parallel(jobs, |(number, scanner, readers)| {
         let index = usize::from(number);
         let (pose, bending, mut writer) = match placed {
             Some((mounted, open)) => {
@@ -203,7 +202,7 @@ pub fn stream(
         };
         let place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
         let mut place = place.with_bending(bending);
-        let mut kept = EvenSample::new(MAX_KEPT);
+        let mut sample = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
         let mut values = Values::new(number);
         for mut reader in readers {
@@ -217,7 +216,7 @@ pub fn stream(
                     let Some(world) = place.place(point) else {
                         continue;
                     };
-                    kept.push((values.profile, *point));
+                    sample.push((values.profile, *point));
                     if let Some(writer) = &mut writer {
                         writer.push(&CloudPoint {
                             position: world + project.origin_m,
@@ -236,14 +235,14 @@ pub fn stream(
         }
         place.check(&scanner.name)?;
         let kept = Kept {
-            of: kept.seen(),
-            points: kept.into_kept(),
+            of: sample.seen(),
+            points: sample.into_kept(),
         };
         Ok((kept, place))
     });
     drop(stage);
-    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
-    let named = project.scanners.iter().zip(found);
+    let samples = samples.into_iter().collect::<Result<Vec<_>>>()?;
+    let named = project.scanners.iter().zip(samples);
     Ok(named
         .map(|(scanner, (points, place))| {
             warn_of_missing(

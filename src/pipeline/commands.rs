@@ -137,7 +137,7 @@ pub fn trajectory(
         ..Results::default()
     };
     let verdicts = judgement::judge(&results, &project.acceptance);
-    // All else stands in the section of the trajectory.
+    // All other verdicts appear in the section of the trajectory.
     let marked = verdicts
         .iter()
         .filter(|verdict| verdict.severity.is_marked());
@@ -162,20 +162,20 @@ pub fn trajectory(
     })
 }
 
-/// Calibrates the mountings as [`run`] does, without its clouds.
+/// Calibrates the mountings as [`run`] does, but writes no clouds.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
     let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    // Nothing is kept of its stages: their keys need no content of files.
+    // Its stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let own = Own::new(project);
-    let (poses, found) = Calibrated::find(project, &own, &keys, &mut job)?;
-    let project = &found.project.clone();
-    let placed = stages::with_latencies(project, found.accepted());
-    let adjusted = drives::Adjusted::new(&placed, &poses, found.accepted())?;
+    let (poses, calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
+    let project = &calibrated.project.clone();
+    let placed = stages::with_latencies(project, calibrated.accepted());
+    let adjusted = drives::Adjusted::new(&placed, &poses, calibrated.accepted())?;
     let poses = stages::Poses {
         trajectory: adjusted.trajectory,
         ..poses
@@ -185,8 +185,8 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
         command: format!("boresight calibrate {}", project.path.display()),
         ..Extras::default()
     };
-    let mountings = found.mountings(None);
-    let findings = found.findings(mountings, vec![drive], &mut job);
+    let mountings = calibrated.mountings(None);
+    let findings = calibrated.findings(mountings, vec![drive], &mut job);
     calibrated::write(project, &findings, &job)?;
     let content = page::content(project, &findings, &extras)?;
     job.write("calibration.html", &report::render(&content))?;

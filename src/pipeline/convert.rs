@@ -13,22 +13,22 @@ use crate::progress::Progress;
 use crate::project::{self, Mountings};
 use crate::sensor::PoseRecord;
 
-/// What a conversion can be told beside its files. What does not apply to it is refused.
+/// Options of a conversion. An option that does not apply is an error.
 #[derive(Debug, Clone, Default)]
 pub struct Conversion {
-    /// The projected coordinate reference system of poses, where one side has latitudes and longitudes.
+    /// The projected coordinate reference system of poses, if one side has latitudes and longitudes.
     pub crs: Option<Projection>,
-    /// Axes of the body: of the poses beside SBET, FRD by default; of mountings that are written, by default those
-    /// of the project.
+    /// Axes of the body. For poses, the axes on the side that is not SBET, FRD by default; for mountings, the axes of
+    /// the output, by default those of the project.
     pub axes: Option<BodyAxes>,
-    /// What the frame of the body is called in URDF and ROS; by default `body`.
+    /// Name of the body frame in URDF and ROS; by default `body`.
     pub body: Option<String>,
-    /// The one scanner to write, where the format holds one.
+    /// The only scanner to write, if the format holds just one.
     pub scanner: Option<String>,
 }
 
 impl Conversion {
-    /// Refuses what does not apply; `uses` are the options that do.
+    /// Refuses options that do not apply; `uses` are those that do.
     fn check(&self, uses: &[&str]) -> Result<()> {
         let given = [
             ("--crs", self.crs.is_some()),
@@ -56,7 +56,7 @@ impl Conversion {
 type WritePoses = fn(&Path, &[PoseRecord], &Conversion) -> Result<()>;
 type Print = fn(&[(String, BodyFromScanner)], &Conversion) -> Result<String>;
 
-/// Ends of names for poses; those of tables are also names of clouds.
+/// Extensions of files of poses; those of tables may also be clouds.
 const POSES: [(&str, WritePoses); 4] = [
     (".csv", |path, poses, _| {
         format::write_trajectory(path, poses)
@@ -69,7 +69,7 @@ const POSES: [(&str, WritePoses); 4] = [
 ];
 const SBET: &str = ".sbet";
 
-/// Ends of names for mountings, and their options.
+/// Extensions of files of mountings, with their options.
 const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
     (
         ".urdf",
@@ -97,13 +97,13 @@ const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
 
 fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
     let name = path.file_name()?.to_str()?.to_lowercase();
-    let found = known.iter().find(|(end, _)| name.ends_with(end))?;
-    Some(found.1)
+    let entry = known.iter().find(|(end, _)| name.ends_with(end))?;
+    Some(entry.1)
 }
 
-/// Writes what `input` holds to `output`, in the format that the end of its name asks for: clouds as `.las`,
-/// `.laz`, `.copc.laz`, `.e57`, `.ply`, `.parquet`, `.csv`; poses as `.tum`, `.sbet`, `.parquet`, `.csv`; the
-/// mountings of a project or of `calibration.toml` as `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json` (PDAL).
+/// Converts `input` to `output`, in the format of its extension: clouds as `.las`, `.laz`, `.copc.laz`, `.e57`, `.ply`,
+/// `.parquet`, `.csv`; poses as `.tum`, `.sbet`, `.parquet`, `.csv`; the mountings of a project or of
+/// `calibration.toml` as `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json` (PDAL).
 ///
 /// # Errors
 /// An input that cannot be read, or that cannot be written in this format; an output that is the input.
@@ -113,7 +113,7 @@ pub fn convert(
     with: &Conversion,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let found = format::detect(input)?;
+    let format = format::detect(input)?;
     let folder = match output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -121,35 +121,35 @@ pub fn convert(
     let name = output.file_name().unwrap_or_default().to_string_lossy();
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
-    // What goes wrong with the file in the staging folder is said of the one that was asked for.
-    let summary = written(input, output, &staged, (found, with), progress)
+    // Errors of the file in the staging folder name the requested output.
+    let summary = written(input, output, &staged, (format, with), progress)
         .map_err(|error| error.renamed(&staged, output))?;
     progress.check()?;
     staging.commit()?;
     let output: PathBuf = output.to_owned();
     Ok(Outcome {
-        result: json!({ "input": input, "output": output, "from": found, "what": summary }),
+        result: json!({ "input": input, "output": output, "from": format, "what": summary }),
         summary,
         files: vec![output],
         ..Outcome::default()
     })
 }
 
-/// Writes `staged`, which becomes `output`; returns what was written, in words.
+/// Writes `staged`, which becomes `output`; returns a description of the content.
 fn written(
     input: &Path,
     output: &Path,
     staged: &Path,
-    (found, with): (Format, &Conversion),
+    (format, with): (Format, &Conversion),
     progress: &dyn Progress,
 ) -> Result<String> {
-    let poses = of_end(output, &POSES).filter(|_| found.has_poses());
-    if found.has_cloud() && format::is_cloud_name(output) {
+    let poses = of_end(output, &POSES).filter(|_| format.has_poses());
+    if format.has_cloud() && format::is_cloud_name(output) {
         with.check(&[])?;
-        return cloud(input, staged, found, progress);
+        return cloud(input, staged, format, progress);
     }
     if let Some(write) = poses {
-        let is_geographic = found.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
+        let is_geographic = format.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
         with.check(if is_geographic {
             &["--crs", "--axes"]
         } else {
@@ -161,7 +161,8 @@ fn written(
         write(staged, &poses, with)?;
         return Ok(format!("{} poses", poses.len()));
     }
-    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| found.id() == "project") {
+    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| format.id() == "project")
+    {
         with.check(options)?;
         let Mountings {
             mut scanners,
@@ -178,7 +179,7 @@ fn written(
     }
     Err(Error::data(
         format!(
-            "{}: {found} cannot be written as {}",
+            "{}: {format} cannot be written as {}",
             input.display(),
             output.display()
         ),
@@ -187,11 +188,11 @@ fn written(
     ))
 }
 
-/// Mountings as the text of a file, in the format that the end of its name asks for: `.urdf`, `.launch.py`, `.yaml`
-/// (ROS 2), `.json` (PDAL). Axes are not turned.
+/// Mountings as the text of a file, in the format of its extension: `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json`
+/// (PDAL). Axes are not turned.
 ///
 /// # Errors
-/// A name with another end; names of scanners that the format cannot hold; not one scanner for PDAL.
+/// A name with another extension; names of scanners that the format cannot hold; not exactly one scanner for PDAL.
 pub fn mountings_text(
     path: &Path,
     scanners: &[(String, BodyFromScanner)],
@@ -208,7 +209,7 @@ pub fn mountings_text(
     print(scanners, with)
 }
 
-/// Turns mountings to the axes that are asked for, and says which they are.
+/// Turns mountings to the requested axes; returns them with the name of the axes.
 fn turned(
     scanners: &mut [(String, BodyFromScanner)],
     axes: Option<BodyAxes>,
@@ -239,7 +240,7 @@ fn turned(
     })
 }
 
-/// Coordinates near the zero of an official system are local ones.
+/// Warns of coordinates near the zero of an official system, which are probably local.
 fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progress) {
     const NEAR_M: f64 = 10_000.0;
     let is_official = |crs: &Projection| crs.name().to_uppercase().starts_with("EPSG");
@@ -255,14 +256,14 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
     }
 }
 
-/// LAS and LAZ are copied with all fields as such; else clouds have positions, times, intensities and, where they come
-/// from LAS or LAZ, extra dimensions.
-fn cloud(input: &Path, output: &Path, found: Format, progress: &dyn Progress) -> Result<String> {
+/// Converts a cloud. LAS and LAZ are copied with all fields; otherwise clouds have positions, times, intensities and,
+/// if they come from LAS or LAZ, extra dimensions.
+fn cloud(input: &Path, output: &Path, format: Format, progress: &dyn Progress) -> Result<String> {
     let rows = CloudRows::open(input)?;
     let points = rows.len();
     let end = output.to_string_lossy().to_lowercase();
     let is_las = end.ends_with(".las") || end.ends_with(".laz");
-    let is_copy = found.is_las() && is_las && !end.ends_with(".copc.laz");
+    let is_copy = format.is_las() && is_las && !end.ends_with(".copc.laz");
     let frame = format::describe_frame(input)?;
     if !is_copy && frame.contains("read as metres") {
         progress.warn(&format!("{}: {frame}", input.display()));
@@ -306,15 +307,15 @@ fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()
     format::write_sbet(path, &poses, crs)
 }
 
-/// PDAL has one matrix for a cloud.
+/// The mounting as PDAL's matrix, which a cloud has only one of.
 fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> {
-    let found = match &with.scanner {
+    let scanner = match &with.scanner {
         Some(name) => all.iter().find(|(other, _)| other == name),
         None => all.first().filter(|_| all.len() == 1),
     };
     let names: Vec<&str> = all.iter().map(|(name, _)| name.as_str()).collect();
     let names = names.join(", ");
-    let (_, mounting) = found.ok_or_else(|| {
+    let (_, mounting) = scanner.ok_or_else(|| {
         Error::data(
             match &with.scanner {
                 Some(name) => format!("there is no scanner `{name}`, only {names}"),

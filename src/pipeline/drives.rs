@@ -32,13 +32,13 @@ pub fn name_of(project: &Project) -> String {
     )
 }
 
-/// The poses with which a drive's points are placed in the end.
+/// The final poses with which a drive's points are placed.
 pub struct Adjusted {
     /// From the joint adjustment, or the drive's own.
     pub trajectory: Trajectory,
-    /// How the mountings move on it; empty where they are rigid.
+    /// The motion of the mountings along it; empty if they are rigid.
     pub bending: Vec<Bending>,
-    /// The surface that an adjustment found.
+    /// The surface that an adjustment estimated.
     pub planes: Vec<SurfelPlane>,
 }
 
@@ -48,12 +48,12 @@ impl Adjusted {
     /// # Errors
     /// See [`Trajectory::with_limits`].
     pub fn new(project: &Project, poses: &Poses, joint: Option<&Joint>) -> Result<Self> {
-        let found = joint.and_then(|joint| joint.drives.first());
-        let trajectory = match found {
+        let adjusted = joint.and_then(|joint| joint.drives.first());
+        let trajectory = match adjusted {
             Some(drive) => drive.trajectory.clone().with_limits(project.limits)?,
             None => poses.trajectory.clone(),
         };
-        let bending = found.into_iter().flat_map(|drive| &drive.bending);
+        let bending = adjusted.into_iter().flat_map(|drive| &drive.bending);
         Ok(Self {
             trajectory,
             bending: bending.map(|moved| moved.offsets.clone()).collect(),
@@ -65,7 +65,7 @@ impl Adjusted {
 /// A drive, and its clouds for the viewer.
 pub type Shown = (Drive, Option<Scene>);
 
-/// What the drives of a project are compared with.
+/// The data with which the drives of a project are compared.
 pub struct Compared<'a> {
     /// The project.
     pub project: &'a Project,
@@ -73,13 +73,13 @@ pub struct Compared<'a> {
     pub mountings: &'a Mountings,
     /// The calibration.
     pub calibration: &'a Calibration,
-    /// What results follow from.
+    /// The keys of the stages.
     pub keys: &'a Keys,
 }
 
 impl Compared<'_> {
-    /// Compares the kept points of the project's own drive, placed with each of the mountings, and then
-    /// those of its evaluation drives. Points that were not kept yet are read.
+    /// Compares the kept points of the project's own drive, placed with each of the mountings, and then those of its
+    /// evaluation drives. Points that are not kept yet are read.
     ///
     /// # Errors
     /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
@@ -192,9 +192,9 @@ impl Compared<'_> {
     }
 }
 
-/// The poses of an evaluation drive, and how its mountings move, adjusted with its own scans and without the
-/// reference by the mountings of a joint adjustment; `None` after two steps, and where it cannot be adjusted
-/// or is contradicted.
+/// The poses of an evaluation drive and the motion of its mountings, adjusted with its own scans and without the
+/// reference, by the mountings of a joint adjustment; `None` after two steps, and if the drive cannot be adjusted or is
+/// contradicted.
 fn adjusted_alone(
     (name, project): (&str, &Project),
     poses: &EstimatedPoses,
@@ -217,18 +217,18 @@ fn adjusted_alone(
     let keeps =
         |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
     match adjusted {
-        Ok(found) => {
-            if let Some(reason) = contradictions(&found).first() {
+        Ok(joint) => {
+            if let Some(reason) = contradictions(&joint).first() {
                 keeps(reason);
                 return Ok(None);
             }
-            let drive = found.drives.into_iter().next();
+            let drive = joint.drives.into_iter().next();
             let placed = drive.map(|drive| {
                 let bending = drive.bending.into_iter().map(|moved| moved.offsets);
                 Ok(Adjusted {
                     trajectory: drive.trajectory.with_limits(project.limits)?,
                     bending: bending.collect(),
-                    planes: found.planes,
+                    planes: joint.planes,
                 })
             });
             placed.transpose()

@@ -1,4 +1,4 @@
-//! `boresight features`: adds the shape of its neighbourhood to every point of a cloud.
+//! `boresight features`: adds the shape of the neighbourhood to every point of a cloud.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! A drive of a campaign: its points in tiles, held against the reference and one scanner against the other.
+//! A drive of a campaign: its points in tiles, compared with the reference and between the scanners.
 
 use serde_json::json;
 
@@ -20,15 +20,14 @@ use crate::verdict::Verdict;
 /// The page of a drive.
 pub const PAGE: &str = "drive.html";
 
-/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them; `said` is
-/// what is already known of its mountings.
-/// The same inputs give the same bytes wherever they lie.
+/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them;
+/// `mounting_verdict` is the verdict on its mountings, if any. Equal inputs give equal bytes, wherever their files are.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn field(
     project: &Project,
-    (name, tile_m, said): (&str, f64, Option<Verdict>),
+    (name, tile_m, mounting_verdict): (&str, f64, Option<Verdict>),
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
@@ -58,7 +57,7 @@ pub fn field(
     let placed = clouds::place(project, &poses.trajectory, mounted, &kept);
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
     let placed = [(MountingKind::Final, placed)];
-    let found = job.timed("compare", |progress| {
+    let agreements = job.timed("compare", |progress| {
         let settings = &project.comparison;
         let surface = ReferenceSurface::upwards("the reference", &reference, settings, progress)?;
         agreements(
@@ -70,7 +69,7 @@ pub fn field(
             progress,
         )
     })?;
-    let drive = drives::drive(name, poses, found);
+    let drive = drives::drive(name, poses, agreements);
     let warnings = job.warnings().to_vec();
     let drives = std::slice::from_ref(&drive);
     let results = Results {
@@ -78,7 +77,7 @@ pub fn field(
         ..Results::default()
     };
     let mut verdicts = judgement::judge(&results, &project.acceptance);
-    verdicts.extend(said);
+    verdicts.extend(mounting_verdict);
     verdicts.extend(judgement::agreement(drives, &project.acceptance));
     verdicts.sort_by_key(|verdict| std::cmp::Reverse(verdict.severity));
     let content = Content {
@@ -106,14 +105,14 @@ pub fn field(
     })
 }
 
-fn agreement(found: &Agreement) -> serde_json::Value {
-    let against = match &found.against {
+fn agreement(agreement: &Agreement) -> serde_json::Value {
+    let against = match &agreement.against {
         Against::Reference => None,
         Against::Scanner(name) => Some(name),
     };
-    let mut value = json!(found.statistics);
-    value["scanner"] = json!(found.scanner);
+    let mut value = json!(agreement.statistics);
+    value["scanner"] = json!(agreement.scanner);
     value["against"] = json!(against);
-    value["pair"] = json!(found.pair());
+    value["pair"] = json!(agreement.pair());
     value
 }

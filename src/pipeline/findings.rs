@@ -40,7 +40,7 @@ pub struct Truth {
 pub struct Findings {
     /// The calibration, with the reference if there is one.
     pub calibration: Calibration,
-    /// The joint adjustment, where the project asks for it.
+    /// The joint adjustment, if the project asks for it.
     pub joint: Option<JointReport>,
     /// Calibrations of the same drive under other conditions.
     pub variants: Vec<(Variant, Calibration)>,
@@ -50,23 +50,23 @@ pub struct Findings {
     pub drives: Vec<Drive>,
     /// The clouds of each drive for the viewer.
     pub scenes: Vec<Option<Scene>>,
-    /// The project's origin, which coordinates in these findings lack, metres.
+    /// The project's origin, metres; it is subtracted from all coordinates in these findings.
     pub origin_m: Vec3,
     /// The reference, thinned for drawing, with the project's origin subtracted.
     pub background_m: Vec<Vec3>,
-    /// When they were found, seconds since 1970.
+    /// When the results were computed, seconds since 1970.
     pub made_s: f64,
     /// The files that were read.
     pub files: Vec<InputFile>,
     /// Run times in order.
     pub stages: Vec<StageSeconds>,
-    /// What the first placement of the scans contradicts.
+    /// Contradictions between the scans and their first placement.
     pub placement: Vec<Verdict>,
     /// Results that need attention.
     pub warnings: Vec<String>,
-    /// What is said about the results, the gravest first.
+    /// The verdicts on the results, the gravest first.
     pub verdicts: Vec<Verdict>,
-    /// The stages kept for other runs; `None` where they cannot be.
+    /// The stages kept for other runs; `None` if they cannot be kept.
     pub kept: Option<KeptStages>,
 }
 

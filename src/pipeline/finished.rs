@@ -1,9 +1,9 @@
-//! Stages that a run has finished, kept beside its results: a run that was stopped, or one that changes only
-//! what comes later, goes on from there.
+//! Finished stages of a run, kept beside its results: a run that was stopped, or a run with changes that affect only
+//! later stages, continues from them.
 //!
-//! A stage is found by its name and its [`Key`]: a hash of the program, of the content of the files and of the
-//! settings that its result follows from. What is kept appears whole and ends with a hash of itself; anything
-//! else is not read. Files that a stage wrote are kept as further names of the same files.
+//! A stage is found by its name and its [`Key`]: a hash of the program, of the contents of the files, and of the
+//! settings on which its result depends. A kept stage appears complete and ends with a hash of itself; any other file
+//! is ignored. Files that a stage wrote are kept as hard links.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -18,18 +18,18 @@ use crate::output::Staging;
 use crate::progress::Progress;
 use crate::stored::Stored;
 
-/// What the folder of finished stages adds to the name of that of the results.
+/// Suffix that turns the name of the folder of results into that of the finished stages.
 const SUFFIX: &str = ".finished";
-/// End of the names of what is kept.
+/// Suffix of the names of kept files.
 const END: &str = ".kept";
 
 /// A stage that was finished.
 pub struct Stage<T> {
-    /// What it found.
+    /// Its result.
     pub value: T,
-    /// What it warned of.
+    /// Its warnings.
     pub warnings: Vec<String>,
-    /// How long it took.
+    /// Its duration.
     pub seconds: f64,
 }
 
@@ -52,23 +52,23 @@ impl<T: Stored> Stored for Stage<T> {
 /// The folder of finished stages.
 pub struct Finished {
     folder: PathBuf,
-    /// What its stages follow from.
+    /// The inputs on which its stages depend.
     inputs: Inputs,
-    /// Whether what earlier runs left is looked for.
+    /// Whether stages of earlier runs are used.
     finds: bool,
     /// Whether stages are kept.
     keeps: bool,
-    /// What this run found or wrote there.
+    /// The files that this run found or wrote there.
     used: Vec<PathBuf>,
     /// The stages that it found.
     found: Vec<String>,
 }
 
 impl Finished {
-    /// That of the results in `out`, a folder that exists; `None` where it has no name to add to. With `fresh`,
-    /// nothing is found.
+    /// The folder beside the results in `out`, a folder that exists; `None` if the path of `out` has no last name. With
+    /// `fresh`, stages of earlier runs are ignored.
     pub fn beside(out: &Path, inputs: Inputs, fresh: bool) -> Option<Self> {
-        // One folder, whatever leads to it.
+        // The same folder for all paths that lead to it.
         let mut folder = out.canonicalize().ok()?;
         let mut name = folder.file_name()?.to_owned();
         name.push(SUFFIX);
@@ -93,8 +93,8 @@ impl Finished {
         &self.found
     }
 
-    /// The result of a stage, if it was finished and every bit of it is there. The files that it wrote then
-    /// appear under `paths`.
+    /// The result of a stage, if it was finished and its files are complete. The files that the stage wrote then appear
+    /// under `paths`.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
@@ -106,37 +106,37 @@ impl Finished {
         progress: &dyn Progress,
     ) -> Result<Option<Stage<T>>> {
         let place = self.place(stage, key, "");
-        let Some((hashes, found)) = read_whole(&place).filter(|_| self.finds) else {
+        let Some((hashes, finished)) = read_whole(&place).filter(|_| self.finds) else {
             return Ok(None);
         };
-        let kept = self.places(stage, key, paths);
-        if hashes.len() != kept.len() {
+        let places = self.places(stage, key, paths);
+        if hashes.len() != places.len() {
             return Ok(None);
         }
-        for (file, hash) in kept.iter().zip(&hashes) {
+        for (file, hash) in places.iter().zip(&hashes) {
             match hash_seen(file, progress) {
                 Ok(own) if own == *hash => {}
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
                 _ => return Ok(None),
             }
         }
-        let pairs = kept.iter().zip(paths);
+        let pairs = places.iter().zip(paths);
         if pairs
             .map(|(from, to)| fs::hard_link(from, to))
             .any(|linked| linked.is_err())
         {
-            // The stage must not write through a link that was made.
+            // The stage must not write through a link that was already made.
             paths.iter().for_each(|path| drop(fs::remove_file(path)));
             return Ok(None);
         }
-        self.used.extend(kept);
+        self.used.extend(places);
         self.used.push(place);
         self.found.push(stage.to_owned());
-        Ok(Some(found))
+        Ok(Some(finished))
     }
 
-    /// Keeps the result of a stage and the files that it wrote. Where a file cannot have another name, nothing is
-    /// kept: a copy of clouds would be as large.
+    /// Keeps the result of a stage and the files that it wrote. If hard links are not possible, nothing is kept: a copy
+    /// of the clouds would take as much space.
     ///
     /// # Errors
     /// The folder cannot be written; [`Error::Cancelled`].
@@ -144,11 +144,11 @@ impl Finished {
         &mut self,
         stage: &str,
         key: &Key,
-        found: &Stage<T>,
+        finished: &Stage<T>,
         paths: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<()> {
-        // What follows from another content must not be found by that of then.
+        // A result of changed inputs must not be found under the hash of the former content.
         if !self.keeps || self.inputs.changed().is_some() {
             return Ok(());
         }
@@ -157,8 +157,8 @@ impl Finished {
             let name = place.file_name().unwrap_or_default();
             staging.path(&name.to_string_lossy())
         };
-        let kept = self.places(stage, key, paths);
-        for (path, place) in paths.iter().zip(&kept) {
+        let places = self.places(stage, key, paths);
+        for (path, place) in paths.iter().zip(&places) {
             if fs::hard_link(path, staged(place)).is_err() {
                 return Ok(());
             }
@@ -166,18 +166,18 @@ impl Finished {
         let hashes = paths.iter().map(|path| hash_seen(path, progress));
         let mut bytes = Vec::new();
         hashes.collect::<Result<Vec<u128>>>()?.store(&mut bytes);
-        found.store(&mut bytes);
+        finished.store(&mut bytes);
         Hasher::oneshot(&bytes).store(&mut bytes);
         let place = self.place(stage, key, "");
         let path = staged(&place);
         fs::write(&path, &bytes).map_err(|error| Error::io(&path, error))?;
         staging.commit()?;
-        self.used.extend(kept);
+        self.used.extend(places);
         self.used.push(place);
         Ok(())
     }
 
-    /// Keeps no more stages.
+    /// Stops keeping stages.
     pub fn stop_keeping(&mut self) {
         self.keeps = false;
     }
@@ -187,8 +187,7 @@ impl Finished {
         self.inputs.changed()
     }
 
-    /// Removes what this run neither found nor wrote, and nothing that is not of its kind; what cannot be removed
-    /// stays.
+    /// Removes kept files that this run neither found nor wrote, and no other files; files that cannot be removed stay.
     pub fn remove_unused(&self) {
         let unused = self.entries().into_iter();
         for path in unused.filter(|path| !self.used.contains(path)) {
@@ -196,13 +195,13 @@ impl Finished {
         }
     }
 
-    /// Size of what is kept.
+    /// Total size of the kept files, bytes.
     pub fn bytes(&self) -> u64 {
         let files = self.entries().into_iter();
         files.map(|path| size(&path)).sum()
     }
 
-    /// Where the result of a stage is kept, or a file of this name that it wrote.
+    /// The path of the kept result of a stage, or of a file of this name that it wrote.
     fn place(&self, stage: &str, key: &Key, file: &str) -> PathBuf {
         let stage = stage.replace(' ', "-");
         let dot = if file.is_empty() { "" } else { "." };
@@ -218,11 +217,11 @@ impl Finished {
             .collect()
     }
 
-    /// What stages have left in the folder.
+    /// The files of kept stages in the folder.
     fn entries(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
-        let own = entries.filter(|entry| is_own(&entry.file_name()));
-        own.map(|entry| entry.path()).collect()
+        let kept = entries.filter(|entry| is_kept(&entry.file_name()));
+        kept.map(|entry| entry.path()).collect()
     }
 }
 
@@ -233,8 +232,8 @@ fn hash_seen(path: &Path, progress: &dyn Progress) -> Result<u128> {
     hash_of(path, &|bytes| stage.advance(bytes))
 }
 
-/// Whether a name is that of what a stage left: `stage-0123…cdef.kept` or `stage-0123…cdef.cloud.laz.kept`.
-fn is_own(name: &OsStr) -> bool {
+/// Whether a name is that of a kept file: `stage-0123…cdef.kept` or `stage-0123…cdef.cloud.laz.kept`.
+fn is_kept(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     let Some(stem) = name
         .strip_suffix(END)
@@ -247,9 +246,9 @@ fn is_own(name: &OsStr) -> bool {
     key.len() == DIGITS && key.bytes().all(is_digit)
 }
 
-/// The hashes of the files of a stage, and what it found, if all bits of it are there.
+/// The hashes of the files of a stage, and its result, if the kept file is complete.
 fn read_whole<T: Stored>(path: &Path) -> Option<(Vec<u128>, Stage<T>)> {
-    // Opening a pipe waits until somebody writes to it.
+    // Opening a pipe would block until another process writes to it.
     if !path.metadata().ok()?.is_file() {
         return None;
     }
@@ -258,8 +257,8 @@ fn read_whole<T: Stored>(path: &Path) -> Option<(Vec<u128>, Stage<T>)> {
     if u128::restore(&mut hash) != Some(Hasher::oneshot(content)) {
         return None;
     }
-    let found = Stored::restore(&mut content)?;
-    content.is_empty().then_some(found)
+    let stage = Stored::restore(&mut content)?;
+    content.is_empty().then_some(stage)
 }
 
 #[cfg(test)]
@@ -269,9 +268,9 @@ mod tests {
     #[test]
     fn files_of_others_are_told() {
         let key = "0123456789abcdef0123456789abcdef";
-        let is_own = |name: &str| is_own(OsStr::new(name));
-        assert!(is_own(&format!("calibrate-{key}.kept")));
-        assert!(is_own(&format!("georeference-{key}.cloud-a.laz.kept")));
+        let is_kept = |name: &str| is_kept(OsStr::new(name));
+        assert!(is_kept(&format!("calibrate-{key}.kept")));
+        assert!(is_kept(&format!("georeference-{key}.cloud-a.laz.kept")));
         for name in [
             format!("scan-{key}.laz"),
             format!("scan-{}.kept", key.to_uppercase()),
@@ -280,7 +279,7 @@ mod tests {
             "notes.kept".to_owned(),
             ".kept".to_owned(),
         ] {
-            assert!(!is_own(&name), "{name}");
+            assert!(!is_kept(&name), "{name}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A project made from the files of a folder.
+//! Makes a project from the files of a folder.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -8,12 +8,12 @@ use crate::format::{self, Format};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 
-/// Folders below the given one that are looked into.
+/// Depth of the subfolders that are searched.
 const DEEPEST: usize = 4;
-/// A folder with more files is not that of a drive.
+/// Most files of a folder: one with more is not that of a drive.
 const MOST_FILES: usize = 10_000;
 
-/// What files of a folder are for, each relative to it.
+/// The purposes of the files of a folder, each path relative to the folder.
 #[derive(Debug, Default)]
 struct Found {
     imu: Vec<PathBuf>,
@@ -24,11 +24,11 @@ struct Found {
     profiles: Vec<PathBuf>,
     clouds: Vec<PathBuf>,
     mountings: Vec<(PathBuf, BodyFromScanner)>,
-    /// Recordings of several sensors, and what they hold.
+    /// Recordings of several sensors, with a description of their contents.
     recordings: Vec<(PathBuf, String)>,
-    /// Text and binary files that nothing reads.
+    /// Text and binary files of unknown formats.
     unknown: Vec<PathBuf>,
-    /// Why files of a known format were not read.
+    /// Reasons why files of a known format were not read.
     unread: Vec<String>,
 }
 
@@ -37,41 +37,42 @@ struct Found {
 pub struct NewProject {
     /// The project file.
     pub text: String,
-    /// Keys and tables that are to be filled in.
+    /// Keys and tables that the user must fill in.
     pub missing: Vec<&'static str>,
-    /// Why files of a known format were not read.
+    /// Reasons why files of a known format were not read.
     pub unread: Vec<String>,
 }
 
 impl NewProject {
-    fn misses(&mut self, what: &'static str) {
-        if !self.missing.contains(&what) {
-            self.missing.push(what);
+    fn misses(&mut self, key: &'static str) {
+        if !self.missing.contains(&key) {
+            self.missing.push(key);
         }
     }
 }
 
-/// A commented project file for the logs, recordings and clouds below `folder`, with paths relative to it. What
-/// files cannot tell is left as a comment behind which the value belongs: a run then names what is missing.
+/// Makes a commented project file for the logs, recordings and clouds below `folder`, with relative paths. A value that
+/// the files do not contain is left as a comment for the user to fill in: a run then names the missing values.
 ///
 /// # Errors
 /// A folder that cannot be read, with too many files, or without a recording of a scanner.
 pub fn init(folder: &Path) -> Result<NewProject> {
     if !folder.is_dir() {
         let expected = "a folder with the files of a drive";
-        return Err(match folder.exists() {
-            true => Error::format(folder, Location::Whole, "a file", expected),
-            false => Error::format(folder, Location::Whole, "no such folder", expected),
+        return Err(if folder.exists() {
+            Error::format(folder, Location::Whole, "a file", expected)
+        } else {
+            Error::format(folder, Location::Whole, "no such folder", expected)
         });
     }
     let mut files = Vec::new();
     list(folder, DEEPEST, &mut files)?;
     files.sort();
-    let mut found = Found::default();
+    let mut sorted = Found::default();
     for file in &files {
-        found.sort_in(folder, file);
+        sorted.sort_in(folder, file);
     }
-    if found.profiles.is_empty() && found.recordings.is_empty() {
+    if sorted.profiles.is_empty() && sorted.recordings.is_empty() {
         return Err(Error::of(
             Problem::TooFew,
             format!(
@@ -82,7 +83,7 @@ pub fn init(folder: &Path) -> Result<NewProject> {
             "boresight inspect FILE… says how each file is read",
         ));
     }
-    Ok(found.project())
+    Ok(sorted.project())
 }
 
 fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
@@ -93,7 +94,7 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
         if entry.file_name().to_string_lossy().starts_with('.') {
             continue;
         }
-        // Results of runs, and the truth of simulated drives, are no inputs.
+        // Results of runs and the truth of simulated drives are not inputs.
         let is_other = ["out", "truth"].iter().any(|name| path.ends_with(name));
         if path.is_dir() && depth > 0 && !is_other {
             list(&path, depth - 1, files)?;
@@ -130,7 +131,7 @@ impl Found {
         }
         if format.id() == "ros-bag" {
             match format::inspect(file) {
-                Ok(found) => self.recordings.push((path, found.notes.join("; "))),
+                Ok(inspection) => self.recordings.push((path, inspection.notes.join("; "))),
                 Err(error) => self.unread.push(error.to_string()),
             }
             return;
@@ -156,7 +157,7 @@ impl Found {
                 if let Some(Ok(())) = &imu {
                     self.imu.push(path);
                 }
-                // A format that may hold both need not.
+                // A format that can hold both may hold only one of them.
                 let both = heading.into_iter().chain(imu);
                 let (read, errors): (Vec<_>, Vec<_>) = both.partition(Result::is_ok);
                 if read.is_empty() {
@@ -188,7 +189,7 @@ impl Found {
             let positions = self.prism.iter().chain(&self.gnss);
             let logs = self.imu.iter().chain(positions).chain(&self.heading);
             let what = "logs from which the trajectory could be estimated instead";
-            aside(&mut made.text, what, logs);
+            list_as_comment(&mut made.text, what, logs);
         }
         let mut names: Vec<String> = Vec::new();
         for profiles in &self.profiles {
@@ -209,11 +210,11 @@ impl Found {
                 quoted(&format!("{}#/topic", path.display()))
             );
         }
-        if let Some((first, others)) = self.clouds.split_first() {
+        if let Some((first, further)) = self.clouds.split_first() {
             made.text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
-            aside(&mut made.text, "other clouds", others);
+            list_as_comment(&mut made.text, "other clouds", further);
         }
-        aside(&mut made.text, "files that nothing reads", &self.unknown);
+        list_as_comment(&mut made.text, "files that nothing reads", &self.unknown);
         for error in &self.unread {
             made.text += &format!("# not read: {}\n", error.replace('\n', " "));
         }
@@ -232,9 +233,9 @@ impl Found {
             ("gnss", &self.gnss, arm),
             ("heading", &self.heading, offset),
         ] {
-            if let Some((first, others)) = files.split_first() {
+            if let Some((first, further)) = files.split_first() {
                 made.text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
-                aside(&mut made.text, "others of this kind", others);
+                list_as_comment(&mut made.text, "others of this kind", further);
                 if keys == arm {
                     made.misses("lever_arm_m");
                 }
@@ -284,7 +285,7 @@ impl Found {
     }
 }
 
-/// What the files of a format are for.
+/// The purpose of files of a format.
 enum Role {
     Cloud,
     Profiles,
@@ -307,7 +308,7 @@ impl Role {
     }
 }
 
-/// `left` and `right` by the last letter of the file, as the Bonn group names them, otherwise the file's name.
+/// `left` or `right` by the last letter of the file, as the Bonn group names its files, otherwise the file's name.
 fn scanner_name(profiles: &Path) -> String {
     let stem = profiles.file_stem().unwrap_or_default().to_string_lossy();
     let mut letters = stem.chars().rev();
@@ -324,7 +325,11 @@ fn scanner_name(profiles: &Path) -> String {
 }
 
 /// Lists files as a comment.
-fn aside<'a>(text: &mut String, what: &str, files: impl IntoIterator<Item = &'a PathBuf>) {
+fn list_as_comment<'a>(
+    text: &mut String,
+    what: &str,
+    files: impl IntoIterator<Item = &'a PathBuf>,
+) {
     let names: Vec<String> = files
         .into_iter()
         .map(|path| path.display().to_string())

@@ -1,4 +1,4 @@
-//! The content of the files that a run reads.
+//! The contents of the files that a run reads, as hashes.
 
 use std::collections::BTreeMap;
 use std::fs::{File, Metadata};
@@ -13,21 +13,21 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::report::content::InputFile;
 
-/// Files, and what was in them when the run began.
+/// Files, with their contents when the run began.
 #[derive(Default)]
 pub struct Inputs(BTreeMap<PathBuf, Option<Content>>);
 
-/// The content of a file, and by what is seen whether it changes.
+/// The content of a file, with the properties by which a change is detected.
 struct Content {
     hash: u128,
     look: Look,
 }
 
-/// Size, time of the content, and on Unix that of the file and which file it is.
+/// Size, modification time, and on Unix also the time of the last status change and the inode.
 type Look = (u64, Option<SystemTime>, [i64; 3]);
 
 impl Inputs {
-    /// Reads the files once. One that cannot be read is that: the stage that needs it says so.
+    /// Reads the files once. A file that cannot be read is recorded as such: the stage that needs it reports the error.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
@@ -35,7 +35,7 @@ impl Inputs {
         let sizes = files.iter().map(|path| size(path));
         let stage = progress.stage("comparing inputs with earlier runs", sizes.sum());
         let read = files.into_par_iter().map(|path| {
-            // Before the content, which may change while it is read.
+            // The properties are read first, because the content may change while it is read.
             let look = path.metadata().ok().map(|metadata| look(&metadata));
             let hash = hash_of(&path, &|bytes| stage.advance(bytes));
             let content = match (look, hash) {
@@ -48,7 +48,7 @@ impl Inputs {
         Ok(Self(read.collect::<Result<_>>()?))
     }
 
-    /// The hash of the content of a file; `None` where it could not be read.
+    /// The hash of the content of a file; `None` if it could not be read.
     pub fn hash(&self, path: &Path) -> Option<u128> {
         let content = self.0.get(path)?;
         content.as_ref().map(|content| content.hash)
@@ -64,12 +64,12 @@ impl Inputs {
         files.collect()
     }
 
-    /// A file that is no longer what it was, if there is one.
+    /// A file that changed since the run began, if there is one.
     pub fn changed(&self) -> Option<&Path> {
         let changed = self.0.iter().find(|(path, content)| {
             let now = path.metadata().ok().map(|metadata| look(&metadata));
-            let then = content.as_ref().map(|content| content.look);
-            then.is_some() && now != then
+            let before = content.as_ref().map(|content| content.look);
+            before.is_some() && now != before
         });
         changed.map(|(path, _)| path.as_path())
     }
@@ -90,19 +90,19 @@ fn look(metadata: &Metadata) -> Look {
     (metadata.len(), metadata.modified().ok(), more)
 }
 
-/// Size of a file, 0 where it cannot be told.
+/// Size of a file, 0 if it cannot be determined.
 pub fn size(path: &Path) -> u64 {
     path.metadata().map_or(0, |metadata| metadata.len())
 }
 
-/// Hash of the content of a file, which says how many bytes it went on by.
+/// Hash of the content of a file; `advance` gets the number of bytes of each step.
 ///
 /// # Errors
 /// The file cannot be read; errors of `advance`.
 pub fn hash_of(path: &Path, advance: &dyn Fn(u64) -> Result<()>) -> Result<u128> {
     const CHUNK: usize = 1 << 20;
     let failed = |error| Error::io(path, error);
-    // Opening a pipe waits until somebody writes to it.
+    // Opening a pipe would block until another process writes to it.
     if !path.metadata().map_err(failed)?.is_file() {
         return Err(failed(std::io::ErrorKind::InvalidInput.into()));
     }

@@ -11,7 +11,7 @@ use crate::output::Staging;
 use crate::progress::{EachPoint, Progress, StageSeconds};
 use crate::stored::Stored;
 
-/// A running command. Its results appear with [`Job::commit`], all or none.
+/// A running command. Its results appear with [`Job::commit`], all or none of them.
 pub struct Job<'a> {
     staging: Staging,
     progress: &'a dyn Progress,
@@ -41,13 +41,14 @@ impl<'a> Job<'a> {
         })
     }
 
-    /// A job whose stages are kept for other runs, where they can be.
+    /// A job whose stages are kept for other runs, if they can be kept.
     pub fn with_finished(mut self, finished: Option<Finished>) -> Self {
         self.finished = finished;
         self
     }
 
-    /// Warns of a file that changed since the job began: some stages may have read what it was, others what it is.
+    /// Warns of a file that changed since the job began: some stages may have read its former content, others the new
+    /// one.
     pub fn warn_of_changes(&mut self) {
         let changed = self.finished.as_ref().and_then(Finished::changed_input);
         if let Some(path) = changed {
@@ -71,8 +72,8 @@ impl<'a> Job<'a> {
         Ok(self.conclude(name, stage))
     }
 
-    /// As [`Self::timed`], unless an earlier run finished this stage from the same inputs: then its result and its
-    /// warnings are those found then.
+    /// As [`Self::timed`], unless an earlier run finished this stage from the same inputs: then the kept result and
+    /// warnings are used.
     ///
     /// # Errors
     /// As for [`Self::timed`].
@@ -85,7 +86,7 @@ impl<'a> Job<'a> {
         self.once_writing(name, &[], key, work)
     }
 
-    /// The same of a stage that writes results of these names.
+    /// As [`Self::once`], for a stage that writes results of these names.
     ///
     /// # Errors
     /// As for [`Self::timed`].
@@ -110,7 +111,7 @@ impl<'a> Job<'a> {
             match finished.keep(name, key, &stage, &paths, progress) {
                 Ok(()) => {}
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
-                // The results do not need it.
+                // The results do not depend on keeping a stage.
                 Err(error) => {
                     progress.warn(&format!("finished stages are no longer kept: {error}"));
                     finished.stop_keeping();
@@ -120,7 +121,7 @@ impl<'a> Job<'a> {
         Ok(self.conclude(name, stage))
     }
 
-    /// Takes a stage's time and warnings.
+    /// Records a stage's time and warnings.
     fn conclude<T>(&mut self, name: &str, stage: Stage<T>) -> T {
         for warning in stage.warnings {
             if !self.warnings.contains(&warning) {
@@ -164,7 +165,7 @@ impl<'a> Job<'a> {
         std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
     }
 
-    /// Moves all results to their folder, and returns the stages that are kept, of which others are removed.
+    /// Moves all results to their folder, removes unused kept stages, and returns the kept stages.
     ///
     /// # Errors
     /// [`Error::Cancelled`]; a file cannot be flushed or renamed.
@@ -197,7 +198,7 @@ fn run<T>(
     })
 }
 
-/// Passes everything on and keeps the warnings.
+/// Forwards all progress and keeps the warnings.
 struct Listener<'a> {
     progress: &'a dyn Progress,
     heard: Mutex<Vec<String>>,

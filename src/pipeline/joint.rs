@@ -22,25 +22,25 @@ use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
 use crate::verdict::Verdict;
 
-/// A scanner is late where the scans say so by more than this many standard deviations, and by more than
-/// matters, seconds.
+/// A scanner is late if the scans show a latency of more than this many standard deviations that is also large enough
+/// to matter, seconds.
 const LATE_SIGMAS: f64 = 5.0;
 const LEAST_LATENCY_S: f64 = 0.002;
 
 /// A drive before the adjustment.
 pub struct Drive<'a> {
-    /// As its results are called.
+    /// Name of the drive in the results.
     pub name: &'a str,
     /// Its project.
     pub project: &'a Project,
     /// Its poses, from logs or a file.
     pub poses: &'a EstimatedPoses,
-    /// A sample of each scanner.
+    /// A sample of each scanner's points.
     pub samples: &'a [ScannerSample],
 }
 
-/// Adjusts the project's own drive and those of `[[drive]]`, from the result of two steps. What
-/// keeps the adjustment from being made, and what contradicts it, is reported and not an error.
+/// Adjusts the project's own drive and those of `[[drive]]`, from the result of two steps. Obstacles to the adjustment
+/// and contradictions are reported and are not errors.
 ///
 /// # Errors
 /// Errors of the stages on other drives; [`Error::Cancelled`].
@@ -52,7 +52,7 @@ pub fn report(
 ) -> Result<JointReport> {
     let begun = Instant::now();
     let project = own.project;
-    let (mut others, mut said) = (Vec::new(), Vec::new());
+    let (mut other_drives, mut verdicts) = (Vec::new(), Vec::new());
     for other in &project.drives {
         let aligned = stages::with_mountings(
             &stages::aligned(project, Project::read(&other.project)?)?,
@@ -74,12 +74,12 @@ pub fn report(
         let poses = &estimated.poses;
         let doubts = poses.doubts.iter().map(judgement::doubt);
         let contradicted = poses.preflight.iter().cloned().chain(doubts);
-        said.extend(contradicted.map(|verdict| verdict.on(&other.name)));
+        verdicts.extend(contradicted.map(|verdict| verdict.on(&other.name)));
         let samples = stages::samples(&aligned, &poses.trajectory, progress)?;
-        others.push((other.name.as_str(), aligned, estimated, samples));
+        other_drives.push((other.name.as_str(), aligned, estimated, samples));
     }
     let mut drives = vec![input(own)];
-    drives.extend(others.iter().map(|(name, project, poses, samples)| {
+    drives.extend(other_drives.iter().map(|(name, project, poses, samples)| {
         input(&Drive {
             name,
             project,
@@ -102,7 +102,7 @@ pub fn report(
             };
             let made = with_late_scanners(&mut input, project, progress);
             let is_doubtful = match &made {
-                Ok((found, _)) => is_doubtful(found) || moves_with_reference(found),
+                Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
                 Err(error) => !matches!(error, Error::Cancelled),
             };
             if !reference.is_empty() && is_doubtful {
@@ -110,13 +110,13 @@ pub fn report(
             }
             made
         });
-    if let Ok((found, _)) = &made {
-        show(own, found, reference, progress);
+    if let Ok((joint, _)) = &made {
+        show(own, joint, reference, progress);
     }
-    let (found, late, mut refused) = match made {
-        Ok((found, late)) => {
-            let refused = contradictions(&found);
-            (Some(found), late, refused)
+    let (joint, late, mut refused) = match made {
+        Ok((joint, late)) => {
+            let refused = contradictions(&joint);
+            (Some(joint), late, refused)
         }
         Err(error) => (None, Vec::new(), vec![reason(error)?]),
     };
@@ -125,7 +125,7 @@ pub fn report(
             0,
             "the drive fits together without the reference, and not with it".into(),
         );
-        said.push(Verdict::care(
+        verdicts.push(Verdict::care(
             "reference.placement",
             "Without the reference the drive fits together, and no sensor contradicts it; with it, mountings would have \
              to move, or no adjustment holds: is the reference in the coordinates of the total station, and was \
@@ -133,26 +133,26 @@ pub fn report(
         ));
     }
     Ok(JointReport {
-        found,
+        found: joint,
         refused,
-        said,
+        said: verdicts,
         late,
         seconds: begun.elapsed().as_secs_f64(),
     })
 }
 
-/// Whether an adjustment did not settle, or is contradicted.
-fn is_doubtful(found: &Joint) -> bool {
-    found.stop != StopReason::Converged || !contradictions(found).is_empty()
+/// Whether an adjustment did not converge, or is contradicted.
+fn is_doubtful(joint: &Joint) -> bool {
+    joint.stop != StopReason::Converged || !contradictions(joint).is_empty()
 }
 
-/// Whether mountings move where the reference lies elsewhere as well: one may be taken for the other.
-fn moves_with_reference(found: &Joint) -> bool {
-    let is_displaced = found.reference.is_some_and(|r| r.describe().is_some());
-    found.rung > Rung::Rigid && is_displaced
+/// Whether mountings move while the reference is also displaced: the two may be confused.
+fn moves_with_reference(joint: &Joint) -> bool {
+    let is_displaced = joint.reference.is_some_and(|r| r.describe().is_some());
+    joint.rung > Rung::Rigid && is_displaced
 }
 
-/// Whether no sensor contradicts mountings that move as little as they may, where there is no reference.
+/// Whether no sensor contradicts the smallest allowed motion of mountings in an adjustment without a reference.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -166,15 +166,15 @@ fn fits_without_reference(
     let mut settings = project.joint.clone();
     settings.mounting.most = settings.mounting.least;
     match adjust(&input, &settings, surfel_m(project), progress) {
-        Ok(found) => Ok(!is_doubtful(&found)),
+        Ok(joint) => Ok(!is_doubtful(&joint)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         Err(_) => Ok(false),
     }
 }
 
-/// Offers the clouds of the project's own drive as the adjustment places them, and the reference.
-fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progress) {
-    let (Some(drive), mountings) = (found.drives.first(), found.poses()) else {
+/// Passes the clouds of the project's own drive, placed by the adjustment, and the reference to be shown.
+fn show(own: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progress) {
+    let (Some(drive), mountings) = (joint.drives.first(), joint.poses()) else {
         return;
     };
     let names = own
@@ -190,7 +190,7 @@ fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progr
             .iter()
             .for_each(|point| each(mountings.len(), (*point).into()));
         for (cloud, sample) in own.samples.iter().enumerate() {
-            let late_s = found
+            let late_s = joint
                 .late_s
                 .get(cloud)
                 .copied()
@@ -215,32 +215,32 @@ fn show(own: &Drive<'_>, found: &Joint, reference: &[Vec3], progress: &dyn Progr
     });
 }
 
-/// Adjusts, and again with the latencies of scanners that the scans contradict: those found are used.
-/// Held latencies are the default since a free one costs tx a third of its accuracy.
+/// Adjusts, and if the scans contradict the latencies of scanners, adjusts again with estimated latencies, which are
+/// then used. Latencies are held by default, since a free latency costs tx a third of its accuracy.
 fn with_late_scanners(
     input: &mut JointInput<'_>,
     project: &Project,
     progress: &dyn Progress,
 ) -> Result<(Joint, Vec<LateScanner>)> {
-    let found = adjust(input, &project.joint, surfel_m(project), progress)?;
+    let joint = adjust(input, &project.joint, surfel_m(project), progress)?;
     let is_late = |score: &Option<Score>| {
         score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
     };
-    let late: Vec<bool> = found.late_scores.iter().map(is_late).collect();
+    let late: Vec<bool> = joint.late_scores.iter().map(is_late).collect();
     if !late.contains(&true) {
-        return Ok((found, Vec::new()));
+        return Ok((joint, Vec::new()));
     }
     let estimated = input.estimate_latency.iter_mut().zip(&late);
     estimated.for_each(|(estimate, late)| *estimate |= late);
-    let found = match adjust(input, &project.joint, surfel_m(project), progress) {
+    let joint = match adjust(input, &project.joint, surfel_m(project), progress) {
         Ok(freed) => freed,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
-        // With latencies held it could be made.
-        Err(_) => return Ok((found, Vec::new())),
+        // The adjustment succeeds only with latencies held.
+        Err(_) => return Ok((joint, Vec::new())),
     };
-    let scanners = project.scanners.iter().zip(&found.late_s).zip(&late);
-    let named = scanners.filter_map(|((scanner, found), late)| {
-        let (value, sigma) = found.filter(|_| *late)?;
+    let scanners = project.scanners.iter().zip(&joint.late_s).zip(&late);
+    let named = scanners.filter_map(|((scanner, latency), late)| {
+        let (value, sigma) = latency.filter(|_| *late)?;
         Some(LateScanner {
             name: scanner.name.clone(),
             late: Score { value, sigma },
@@ -251,11 +251,10 @@ fn with_late_scanners(
     named
         .iter()
         .for_each(|scanner| progress.warn(&scanner.describe()));
-    Ok((found, named))
+    Ok((joint, named))
 }
 
-/// The poses of a drive adjusted with its own logs and scans, without a reference, by mountings that
-/// are known.
+/// Adjusts the poses of a drive with its own logs and scans, without a reference, and with known mountings.
 ///
 /// # Errors
 /// As for [`adjust`].
@@ -272,7 +271,7 @@ pub fn with_known_mountings(
             .iter()
             .map(|scanner| scanner.compliance)
     };
-    // One without a table is rigid.
+    // A scanner without a `[scanner.compliance]` table is rigid.
     let rigid = scanners().flatten().next().map(Compliance::rigid_beside);
     let compliance = scanners().filter_map(|own| own.or(rigid));
     let compliance: Vec<Compliance> = compliance.collect();
@@ -288,7 +287,7 @@ pub fn with_known_mountings(
     adjust(&input, &project.joint, surfel_m(project), progress)
 }
 
-/// Why the adjustment cannot be made, if that is what the error says.
+/// The reason why the adjustment cannot be made, if the error is one.
 ///
 /// # Errors
 /// Any other error.
@@ -351,7 +350,7 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
     })
 }
 
-/// What the mountings of a drive may follow, in common time.
+/// The log of the quantities that the mountings of a drive may follow, in common time.
 fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
     let Some(FrameLogFile { log, columns }) = &drive.project.bending else {
         return Ok(None);

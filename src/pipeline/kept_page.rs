@@ -1,7 +1,7 @@
-//! What the page of a run shows, kept beside it: the page can be made again without computing.
+//! The content of a run's page, kept beside it, so that the page can be made again without computing.
 //!
-//! The file names the program that wrote it, as only that one reads its content, and ends with a hash of all
-//! that comes before.
+//! The file names the program that wrote it, because only the same program can read its content, and ends with a hash
+//! of all preceding bytes.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ use crate::verdict::Verdict;
 
 /// Name of the file.
 pub const NAME: &str = "report.kept";
-/// Name of the page that is made of it.
+/// Name of the page that is made from it.
 const PAGE: &str = "report.html";
 /// First line of the file; the program follows on the second line.
 const MAGIC: &str = "boresight report\n";
@@ -37,7 +37,7 @@ const HASH: usize = 16;
 
 /// The content of a page, owned.
 struct Kept {
-    /// Absolute path of the project file: some settings concern nothing but the page.
+    /// Absolute path of the project file: some of its settings concern only the page.
     path: String,
     title: String,
     command: String,
@@ -84,10 +84,10 @@ fn header(program: &str) -> String {
     format!("{MAGIC}{program}\n")
 }
 
-/// Makes the page in the folder of a run again, of what that run kept, without computing.
+/// Makes the page in the folder of a run again from the content that the run kept, without computing.
 ///
 /// # Errors
-/// Nothing is kept there, or not by this program; it is damaged; the page cannot be written.
+/// The folder has no such file, or another program wrote it; the file is damaged; the page cannot be written.
 pub fn report(folder: &Path, progress: &dyn Progress) -> Result<Outcome> {
     let kept = read(folder)?;
     let mut content = kept.content();
@@ -111,7 +111,7 @@ pub fn report(folder: &Path, progress: &dyn Progress) -> Result<Outcome> {
     })
 }
 
-/// What a run kept in a folder.
+/// Reads the content that a run kept in a folder.
 fn read(folder: &Path) -> Result<Kept> {
     let path = folder.join(NAME);
     let bytes = match std::fs::read(&path) {
@@ -137,10 +137,10 @@ fn parse(path: &Path, bytes: &[u8], program: &str) -> Result<Kept> {
         let expected = format!("`{}`, as a run writes it", MAGIC.trim_end());
         return wrong(Location::Line(1), "another file", &expected);
     }
-    let whole = bytes.split_last_chunk::<HASH>().filter(|(before, hash)| {
+    let content = bytes.split_last_chunk::<HASH>().filter(|(before, hash)| {
         before.len() >= MAGIC.len() && Hasher::oneshot(before) == u128::from_le_bytes(**hash)
     });
-    let Some((before, _)) = whole else {
+    let Some((before, _)) = content else {
         let expected = "the file as the run wrote it; run again";
         return wrong(
             Location::Byte(bytes.len() as u64),
@@ -170,9 +170,9 @@ fn parse(path: &Path, bytes: &[u8], program: &str) -> Result<Kept> {
     }
 }
 
-/// Appends the content to `bytes`. [`restore`] takes it off again in the same order.
+/// Appends the content to `bytes`. [`restore`] reads it in the same order.
 fn store(content: &Content, bytes: &mut Vec<u8>) {
-    // Every field by its name: one that is new must be kept too.
+    // All fields are named, so that a new field cannot be forgotten.
     let Content {
         title,
         command,
@@ -199,7 +199,7 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
         text.store(bytes);
     }
     seed.store(bytes);
-    // The page shows the logo itself, wherever its file is.
+    // The page contains the logo itself, so the path of its file is not needed.
     for text in [&imprint.title, &imprint.author, &imprint.organisation, logo] {
         text.store(bytes);
     }
@@ -241,7 +241,7 @@ fn store(content: &Content, bytes: &mut Vec<u8>) {
     verdicts.store(bytes);
 }
 
-/// What [`bytes_of`] wrote after the header; `None` where it is no such content.
+/// Reads the output of [`bytes_of`] after the header; `None` if it is not valid.
 fn restore(bytes: &mut &[u8]) -> Option<Kept> {
     Some(Kept {
         path: Stored::restore(bytes)?,

@@ -1,4 +1,4 @@
-//! What the stages of a run follow from, as keys.
+//! Keys of the stages of a run: hashes of the inputs on which their results depend.
 
 use std::fmt::{self, Debug, Display, Write};
 
@@ -16,12 +16,12 @@ use crate::verdict::Acceptance;
 /// Digits of a key.
 pub const DIGITS: usize = 32;
 
-/// What the result of a stage follows from.
+/// A hash of the inputs on which the result of a stage depends.
 #[derive(Clone, Default)]
 pub struct Key(Hasher);
 
 impl Key {
-    /// The key with the digits of this value as `Debug` shows them, which drops none.
+    /// The key extended by a value, with its digits as `Debug` prints them, which is exact.
     pub fn with(mut self, value: &impl Debug) -> Self {
         // Writing to a hasher cannot fail.
         let _ = writeln!(self, "{value:?}");
@@ -50,20 +50,20 @@ impl Debug for Key {
 
 /// The keys of a run.
 pub struct Keys {
-    /// Of the reference.
+    /// Key of the reference.
     pub reference: Key,
-    /// Of the poses of the project's own drive.
+    /// Key of the poses of the project's own drive.
     pub poses: Key,
-    /// Of its calibration in two steps.
+    /// Key of its calibration in two steps.
     pub calibration: Key,
-    /// Of its calibration together with other drives.
+    /// Key of its calibration together with other drives.
     pub joint: Key,
-    /// Of the same and each drive that is evaluated.
+    /// Key of the joint calibration with each drive that is evaluated.
     pub evaluations: Vec<Key>,
 }
 
 impl Keys {
-    /// Those of a project.
+    /// The keys of a project.
     ///
     /// # Errors
     /// The project of another drive cannot be read.
@@ -71,10 +71,10 @@ impl Keys {
         let program = Key(Hasher::new()).with(&PROGRAM);
         let other = |drive: &OtherDrive| -> Result<Key> {
             let project = Project::read(&drive.project)?;
-            let key = of(&before_comparison(&project), inputs, &program);
+            let key = key_of(&before_comparison(&project), inputs, &program);
             Ok(key.with(&drive.name))
         };
-        let calibration = of(&before_comparison(project), inputs, &program);
+        let calibration = key_of(&before_comparison(project), inputs, &program);
         let mut joint = calibration.clone();
         for drive in &project.drives {
             joint = joint.with(&other(drive)?);
@@ -86,7 +86,7 @@ impl Keys {
         let reference = reference.map(|file| inputs.hash(&file_of(&file.path)));
         Ok(Self {
             reference: program.clone().with(&(reference, project.origin_m)),
-            poses: of(&before_scans(project), inputs, &program),
+            poses: key_of(&before_scans(project), inputs, &program),
             calibration,
             evaluations: evaluations.collect::<Result<_>>()?,
             joint,
@@ -94,9 +94,9 @@ impl Keys {
     }
 }
 
-/// The key of what follows from everything that a project says and names.
-fn of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
-    // A projection holds more than its name, which says it all.
+/// The key of a result that depends on everything in a project and its files.
+fn key_of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
+    // The name of a projection identifies it completely.
     let crs = project.crs.as_ref().map(|crs| crs.name().to_owned());
     let mut key = program.clone().with(&crs);
     for path in project.files() {
@@ -108,23 +108,23 @@ fn of(project: &Project, inputs: &Inputs, program: &Key) -> Key {
     })
 }
 
-/// A project without what only later stages use; all else counts, also what is new in a project.
+/// A project without the settings that only later stages use; all others count, including new ones.
 fn before_comparison(project: &Project) -> Project {
     Project {
-        // Only clouds are compared.
+        // The settings of the comparison affect only clouds.
         comparison: ComparisonSettings::default(),
-        // Only the verdicts at the end are held against it.
+        // The acceptance limits affect only the verdicts at the end.
         acceptance: Acceptance::default(),
-        // It names who made the page.
+        // The imprint only names the author of the page.
         imprint: Imprint::default(),
-        // These have keys of their own.
+        // Drives have keys of their own.
         drives: Vec::new(),
         evaluations: Vec::new(),
         ..project.clone()
     }
 }
 
-/// A project with what poses follow from: that there are scanners, but not what they saw.
+/// A project with only the inputs of the poses: these depend on the existence of scanners, but not on their data.
 fn before_scans(project: &Project) -> Project {
     let mut project = Project {
         reference: None,

@@ -10,8 +10,8 @@ use crate::sensor::PoseRecord;
 const HEADER: &str = "time_s,scanner,x_m,y_m,z_m,qx,qy,qz,qw,sigma_x_m,sigma_y_m,sigma_z_m,\
                       sigma_rx_deg,sigma_ry_deg,sigma_rz_deg\n";
 
-/// The mounting of every scanner along a drive. Standard deviations are those of the offsets from the mean,
-/// in body axes; where mountings are rigid, those of the mounting, at the first and the last pose.
+/// The mounting of every scanner along a drive. Standard deviations are those of the offsets from the mean, in body
+/// axes; if mountings are rigid, those of the mounting, at the first and the last pose.
 pub fn table(calibration: &Calibration, moved: &[MovedMounting], poses: &[PoseRecord]) -> String {
     let mut text = HEADER.to_owned();
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {

@@ -11,7 +11,7 @@ use crate::verdict::Verdict;
 pub struct Options {
     /// Folder of the results, created if it is missing.
     pub out: PathBuf,
-    /// Seed of all random numbers; `None` for that of the scenario.
+    /// Seed of all random numbers; `None` for the seed of the scenario.
     pub seed: Option<u64>,
     /// Whether stages that an earlier run finished are run again.
     pub fresh: bool,
@@ -26,6 +26,6 @@ pub struct Outcome {
     pub summary: String,
     /// Files written, apart from the report, most important first.
     pub files: Vec<PathBuf>,
-    /// What is said about the result, the gravest first; `None` where nothing is judged.
+    /// The verdicts on the result, the gravest first; `None` if the command judges nothing.
     pub verdicts: Option<Vec<Verdict>>,
 }

@@ -1,4 +1,4 @@
-//! What the overlap of a project's scanners shows of their mountings: the drift watch of one drive.
+//! The drift watch of one drive: changes of the mountings that the overlap of a project's scanners shows.
 
 use super::{clouds, stages, start};
 use crate::drift::{self, Overlap, OverlapInput};
@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::project::Project;
 
-/// How each further scanner sits in the frame of the first, against the mountings of the project, by the ground that
-/// both saw in one pass: no boards, no reference and no prism are needed, but poses, from logs or a file.
+/// Compares each further scanner in the frame of the first with the mountings of the project, by the ground that both
+/// saw in one pass. This needs poses, from logs or a file, but no boards, reference or prism.
 ///
 /// # Errors
 /// Errors of the stages; see [`drift::overlap`].
@@ -18,7 +18,7 @@ pub fn overlap(project: &Project, progress: &dyn Progress) -> Result<Overlap> {
     overlap_on(project, &poses, progress)
 }
 
-/// The same on poses that are known already; the scales of the project hold.
+/// As [`overlap`], with poses that are already known; the scales are those of the project.
 ///
 /// # Errors
 /// As for [`overlap`].

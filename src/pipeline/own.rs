@@ -1,5 +1,5 @@
-//! The project's own drive: what stages need of it is made when the first one asks, as a stage that an earlier
-//! run finished asks for nothing.
+//! The project's own drive: inputs of stages are made when a stage first asks for them, because a stage that an earlier
+//! run finished needs none.
 
 use std::cell::OnceCell;
 
@@ -21,7 +21,7 @@ pub struct Own<'a> {
 }
 
 impl<'a> Own<'a> {
-    /// Those of the project's own drive.
+    /// The project's own drive, with nothing read yet.
     pub fn new(project: &'a Project) -> Self {
         Self {
             project,

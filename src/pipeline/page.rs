@@ -47,13 +47,13 @@ pub fn content<'a>(
     Ok(content)
 }
 
-/// The time of the system's clock, seconds since 1970; 0 if it is before.
+/// The time of the system clock, seconds since 1970; 0 if it is earlier.
 pub fn now_s() -> f64 {
     let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     since.map_or(0.0, |since| since.as_secs_f64())
 }
 
-/// Sets what a project says of the page of a run alone, and no result follows from.
+/// Sets the content that a project specifies for the page alone and on which no result depends.
 ///
 /// # Errors
 /// The logo cannot be read.
@@ -64,7 +64,7 @@ pub fn settings_of(project: &Project, content: &mut Content) -> Result<()> {
     Ok(())
 }
 
-/// Where the sensors are on the body; the fans are those of the points of its `scene`.
+/// The positions of the sensors on the body; the fans are those of the points in its `scene`.
 pub fn platform(project: &Project, scene: Option<&Scene>) -> Platform {
     let marks = match &project.motion {
         Motion::Logs(logs) => {
@@ -113,7 +113,7 @@ pub fn trajectory<'a>(
 /// Content of the page of two clouds that were compared.
 pub fn comparison(
     comparison: &Comparison,
-    found: &M3c2,
+    distances: &M3c2,
     statistics: Statistics,
 ) -> Content<'static> {
     let name = |path: &Path| {
@@ -162,7 +162,7 @@ pub fn comparison(
                 mounting: MountingKind::Final,
                 statistics,
                 coverage: f64::NAN,
-                distances: DistanceMap::of(found),
+                distances: DistanceMap::of(distances),
             },
         }),
         peak_memory_bytes: peak_memory_bytes(),

@@ -19,20 +19,19 @@ use crate::project::{Motion, Project};
 use crate::results::Results;
 use crate::verdict::{Verdict, capitalised};
 
-/// A project with the mountings and poses that place its points: its own, or those that an earlier
-/// run found.
+/// A project with the mountings and poses that place its points: its own, or the results of an earlier run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
     project: Project,
     inputs: Vec<PathBuf>,
     calibration: Option<PathBuf>,
-    /// What was decided about them, for the log.
+    /// Remarks on their choice, for the log.
     remarks: Vec<String>,
 }
 
 impl Placement {
-    /// Reads the mountings of `calibration`, and checks that every file exists that places points.
-    /// The poses come from `trajectory`. Without either, the project's own are used.
+    /// Reads the mountings of `calibration`, and checks that every file exists that is needed to place points. The
+    /// poses come from `trajectory`. The project's own are used for either one that is `None`.
     ///
     /// # Errors
     /// A missing file; see [`Project::with_calibration`].
@@ -76,7 +75,7 @@ impl Placement {
         })
     }
 
-    /// Every file of the project, and those that were given besides it.
+    /// All files of the project, and the additional files given on the command line.
     pub fn inputs(&self) -> &[PathBuf] {
         &self.inputs
     }
@@ -91,23 +90,23 @@ impl Placement {
         [self.calibration.as_ref().unwrap_or(own), poses]
     }
 
-    /// Says where a calibration lies that is newer than the project whose mountings are used.
+    /// A verdict if the mountings of the project are used although there is a newer calibration.
     fn newer_calibration(&self) -> Option<Verdict> {
         let own = &self.project.path;
-        let found = own.with_file_name("out").join("calibration.toml");
+        let calibration_file = own.with_file_name("out").join("calibration.toml");
         let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
-        let is_newer = self.calibration.is_none() && changed(&found)? > changed(own)?;
+        let is_newer = self.calibration.is_none() && changed(&calibration_file)? > changed(own)?;
         is_newer.then(|| {
             let text = format!(
                 "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
                 own.display(),
-                found.display()
+                calibration_file.display()
             );
             Verdict::care("georeference.mounting", text)
         })
     }
 
-    /// Says that the mountings come from a calibration that is marked as not usable.
+    /// A verdict if the mountings come from a calibration that is marked as not usable.
     fn unusable_calibration(&self) -> Result<Option<Verdict>> {
         let path = self.calibration.as_deref();
         Ok(path.map(marked_unusable).transpose()?.flatten())
@@ -128,7 +127,7 @@ impl Placement {
     }
 }
 
-/// Says of a `calibration.toml` that it is marked as not usable, if it is.
+/// A verdict if a `calibration.toml` is marked as not usable.
 ///
 /// # Errors
 /// See [`crate::project::mountings`].
@@ -142,13 +141,13 @@ pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
             "Placed with the mountings of {name}, which is marked as not usable: see what it says at its top."
         )
     };
-    let found = crate::project::mountings(calibration)?;
-    Ok(found
+    let calibration = crate::project::mountings(calibration)?;
+    Ok(calibration
         .is_unusable
         .then(|| Verdict::fault("georeference.mounting", text())))
 }
 
-/// Checked before the files of the project, as the file is named by no key of it.
+/// Checks the file of the poses first, because no key of the project names it.
 fn check_poses(path: &Path) -> Result<()> {
     if path.is_dir() {
         let expected = "a file of poses, such as `trajectory.csv` in it";

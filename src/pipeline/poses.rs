@@ -1,4 +1,4 @@
-//! The stage that makes the poses: logs put right, adjusted, and their constants tested; or a file read.
+//! The stage that makes the poses: it corrects and adjusts logs and tests their constants, or reads a file.
 
 use std::time::Instant;
 
@@ -19,27 +19,26 @@ use crate::trajectory::{
 };
 use crate::verdict::{Severity, Verdict};
 
-/// Longest step between nodes that scans are to correct, seconds: also where the prism is lost.
+/// Longest step between nodes that scans correct, seconds; it also applies without fixes of the prism.
 const JOINT_STEP_S: f64 = 0.25;
 
-/// An IMU noisier than its datasheet by more than this factor has its noise estimated: a vehicle that
-/// vibrates.
+/// If an IMU is noisier than its datasheet by more than this factor, its noise is estimated: such a vehicle vibrates.
 const NOTABLE_NOISE: f64 = 1.2;
 
 /// Warning for poses without standard deviations.
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
      assume exact poses and are too small";
 
-/// The trajectory of the body, as it is estimated or read.
+/// The trajectory of the body, estimated or read.
 #[derive(Debug)]
 pub struct EstimatedPoses {
-    /// What later runs find again.
+    /// The part that is kept for later runs.
     pub poses: Poses,
     /// Joint covariance of the poses; `None` if they came from a file.
     pub covariance: Option<PosteriorCovariance>,
 }
 
-/// The trajectory of the body and how it was found.
+/// The trajectory of the body with the results of its estimation.
 #[derive(Debug, Clone)]
 pub struct Poses {
     /// The poses, the project's origin subtracted.
@@ -52,7 +51,7 @@ pub struct Poses {
     pub seconds: Option<f64>,
     /// Constants of the project that the drive contradicts, the gravest first.
     pub doubts: Vec<Doubt>,
-    /// What the raw logs contradict.
+    /// Contradictions in the raw logs.
     pub preflight: Vec<Verdict>,
 }
 
@@ -98,7 +97,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
     }
 }
 
-/// Puts right what the raw logs show beyond doubt, and says it, and what else they contradict.
+/// Corrects faults that the raw logs show beyond doubt; returns verdicts on these and on other contradictions.
 ///
 /// # Errors
 /// See [`crate::preflight::logs`].
@@ -117,7 +116,7 @@ fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             .to_string_lossy()
             .into_owned()
     };
-    let mut said = unmeasured(&logs.motion(), &logs.settings, &file);
+    let mut verdicts = unmeasured(&logs.motion(), &logs.settings, &file);
     for late in late_logs(&logs.motion(), &logs.settings) {
         let on_time = |time_s: &mut f64| *time_s -= late.late_s;
         match late.log {
@@ -128,22 +127,22 @@ fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             }
             Log::Heading => logs.heading.iter_mut().for_each(|h| on_time(&mut h.time_s)),
         }
-        said.push(late.verdict);
+        verdicts.push(late.verdict);
     }
-    said.extend(contradictions(&logs.motion(), &logs.settings)?);
-    if said.iter().any(|v| v.code == HEADING_SIGN) {
+    verdicts.extend(contradictions(&logs.motion(), &logs.settings)?);
+    if verdicts.iter().any(|v| v.code == HEADING_SIGN) {
         logs.heading.clear();
     }
     for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
         if let Some((factors, verdict)) = position_noise(fixes, position) {
             position.sigma_m.component_mul_assign(&factors);
-            said.push(verdict);
+            verdicts.push(verdict);
         }
     }
-    Ok(said)
+    Ok(verdicts)
 }
 
-/// The estimate with more constants free, which the settings then are; `None` where that leads nowhere.
+/// The estimate with more constants free, and its settings; `None` if it fails or does not converge.
 fn with_freed(
     logs: &mut DriveLogs,
     constants: &[Constant],
@@ -152,7 +151,7 @@ fn with_freed(
     let held = logs.settings.estimate.clone();
     logs.settings.estimate.extend(constants);
     match estimate(&logs.motion(), &logs.settings, progress) {
-        Ok(found) if found.solution.converged => Ok(Some(found)),
+        Ok(freed) if freed.solution.converged => Ok(Some(freed)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         _ => {
             logs.settings.estimate = held;
@@ -180,17 +179,23 @@ fn poses_from_logs(
         progress.warn(&verdict.text);
     }
     let begun = Instant::now();
-    let mut found = estimate(&logs.motion(), &logs.settings, progress)?;
-    // Constants and noise that fit wrong axes or signs say nothing.
+    let mut estimated = estimate(&logs.motion(), &logs.settings, progress)?;
+    // Constants and noise that fit wrong axes or signs mean nothing.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
-    let mut doubts = match is_sound {
-        true => doubts(&logs.motion(), &logs.settings, &found.solution, progress)?,
-        false => Vec::new(),
+    let mut doubts = if is_sound {
+        doubts(
+            &logs.motion(),
+            &logs.settings,
+            &estimated.solution,
+            progress,
+        )?
+    } else {
+        Vec::new()
     };
     if estimates_doubted && !doubts.is_empty() {
         let doubted: Vec<Constant> = doubts.iter().map(|doubt| doubt.constant).collect();
         if let Some(freed) = with_freed(&mut logs, &doubted, progress)? {
-            found = freed;
+            estimated = freed;
             doubts.iter_mut().for_each(|doubt| doubt.is_used = true);
         }
     }
@@ -198,14 +203,14 @@ fn poses_from_logs(
         progress.warn(&doubt.describe());
     }
     let scale = Constant::ImuNoiseScale;
-    let is_noisy = found.solution.imu_noise_factor() > NOTABLE_NOISE;
+    let is_noisy = estimated.solution.imu_noise_factor() > NOTABLE_NOISE;
     if estimates_doubted
         && is_sound
         && is_noisy
         && !logs.settings.estimate.contains(&scale)
         && let Some(scaled) = with_freed(&mut logs, &[scale], progress)?
     {
-        found = scaled;
+        estimated = scaled;
     }
     let seconds = begun.elapsed().as_secs_f64();
     let Estimate {
@@ -213,7 +218,7 @@ fn poses_from_logs(
         solution,
         covariance,
         ..
-    } = found;
+    } = estimated;
     let poses = Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),
@@ -228,8 +233,8 @@ fn poses_from_logs(
     })
 }
 
-/// What the raw logs of a project contradict, or that they do not, without adjusting anything; nothing where
-/// it has poses.
+/// The verdicts on the raw logs of a project, with or without contradictions, and without an adjustment; empty if the
+/// project has poses.
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
@@ -237,15 +242,15 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     match &project.motion {
         Motion::Logs(files) => {
             let mut logs = DriveLogs::read(project, files, &Silent)?;
-            let mut said = put_right(&mut logs, files)?;
-            if said.is_empty() {
-                said.push(Verdict::good(
+            let mut verdicts = put_right(&mut logs, files)?;
+            if verdicts.is_empty() {
+                verdicts.push(Verdict::good(
                     "logs.consistent",
                     "Units, axes, signs and clocks of the logs do not contradict each other or the project.",
                 ));
             }
-            said.extend(recorded::verdicts(project)?);
-            Ok(said)
+            verdicts.extend(recorded::verdicts(project)?);
+            Ok(verdicts)
         }
         Motion::Poses(_) => Ok(Vec::new()),
     }
@@ -257,9 +262,9 @@ fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
         let crs = project.crs.as_ref();
         nodes.extend(format::read_projected_trajectory(path, project.axes, crs)?);
     }
-    // Stable: of poses at one time, the one of the first file is kept.
+    // The sort is stable: of poses at the same time, that of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    nodes.dedup_by(|later, kept| later.time_s == kept.time_s);
+    nodes.dedup_by(|later, earlier| later.time_s == earlier.time_s);
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
         node.world_from_body.translation_m -= project.origin_m;

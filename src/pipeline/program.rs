@@ -1,7 +1,7 @@
-//! Which program computes.
+//! Identity of the program.
 
-/// The version and a hash of the sources. Programs with the same key compute the same, so results that one of them
-/// keeps on disk (finished stages, pages, items of a campaign) are results of the other.
+/// The version and a hash of the sources. Programs with the same key give the same results, so finished stages, pages
+/// and items of a campaign that one of them keeps on disk are valid for the others.
 pub const PROGRAM: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("BORESIGHT_SOURCES"));
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What a recording says of its clocks and gaps.
+//! Verdicts on the clocks and gaps of a recording.
 
 use std::path::Path;
 
@@ -7,17 +7,17 @@ use crate::format::{RecordingClock, SensorClock, recording_clock, sensor_clock};
 use crate::project::{Motion, Project};
 use crate::verdict::Verdict;
 
-/// A gap of the IMU that is longer leaves poses that nothing supports, seconds.
+/// Longest gap of the IMU for which poses are still supported, seconds.
 const LONG_GAP_S: f64 = 2.0;
-/// Records that arrive later are named, seconds.
+/// Largest delay of records that is not reported, seconds.
 const NOTABLE_DELAY_S: f64 = 0.02;
-/// A sensor's clock that drifts by more in the course of a recording is named, seconds.
+/// Largest drift of a sensor's clock over a recording that is not reported, seconds.
 const NOTABLE_DRIFT_S: f64 = 1e-3;
-/// A kill or a power cut costs the last second of a file. A log that goes on for longer without times of arrival is
-/// reported, seconds.
+/// A kill or a power cut loses the arrival times of the last second of a file. A log that continues for longer without
+/// arrival times is reported, seconds.
 const NOTABLE_END_S: f64 = 1.0;
 
-/// What the recording of a drive says of the system's clock and of each of its logs; nothing where they were not
+/// The verdicts on the recording of a drive: on the system clock and on each of its logs; empty if the logs were not
 /// recorded.
 ///
 /// # Errors
@@ -34,22 +34,22 @@ pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
         let files = scanner.profiles.iter();
         logs.extend(files.map(|path| (scanner.name.as_str(), path.as_path())));
     }
-    let mut said = Vec::new();
+    let mut verdicts = Vec::new();
     let recording = logs.iter().find_map(|(_, path)| recording_clock(path));
     let Some(recording) = recording else {
-        return Ok(said);
+        return Ok(verdicts);
     };
-    said.extend(of_system(&recording?));
+    verdicts.extend(system_clock(&recording?));
     for (name, path) in logs {
         if let Some(clock) = sensor_clock(path)? {
-            said.extend(of_sensor(name, &clock));
+            verdicts.extend(sensor_verdicts(name, &clock));
         }
     }
-    Ok(said)
+    Ok(verdicts)
 }
 
-/// The system's clock.
-fn of_system(clock: &RecordingClock) -> Option<Verdict> {
+/// The verdict on the system clock.
+fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
     let code = "recording.clock";
     let common = "the total station has the times of a clock that ran evenly from the beginning, and sensors with \
                   clocks of their own those of their arrival";
@@ -87,22 +87,23 @@ fn of_system(clock: &RecordingClock) -> Option<Verdict> {
     ))
 }
 
-/// The clock, the times of arrival and the gaps of a sensor.
-fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
-    let mut said = Vec::new();
+/// The verdicts on the clock, the arrival times and the gaps of a sensor.
+fn sensor_verdicts(name: &str, clock: &SensorClock) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
     let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
     let span_s = clock.span_s;
     if !clock.is_kept {
         let drifted_s = clock.drift * span_s;
-        let drift = match drifted_s.abs() > NOTABLE_DRIFT_S {
-            true => format!(
+        let drift = if drifted_s.abs() > NOTABLE_DRIFT_S {
+            format!(
                 ", and drifted by {:.1} ms ({:.1} ppm), which was taken out",
                 1e3 * drifted_s,
                 1e6 * clock.drift
-            ),
-            false => String::new(),
+            )
+        } else {
+            String::new()
         };
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.offset_s),
             ..Verdict::note(
                 "recording.sensor_clock",
@@ -116,7 +117,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
         });
     }
     if clock.is_kept && clock.delay_999_s > NOTABLE_DELAY_S {
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.delay_999_s),
             ..Verdict::note(
                 "recording.delay",
@@ -127,7 +128,7 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             )
         });
     }
-    said.extend(of_arrivals(name, clock));
+    verdicts.extend(missing_arrivals(name, clock));
     if clock.gaps > 0 {
         let text = format!(
             "{name}: nothing arrived for {:.1} s{}.",
@@ -138,20 +139,21 @@ fn of_sensor(name: &str, clock: &SensorClock) -> Vec<Verdict> {
             }
         );
         let is_grave = name == "imu" && clock.longest_gap_s > LONG_GAP_S;
-        let verdict = match is_grave {
-            true => Verdict::care("recording.gap", text),
-            false => Verdict::note("recording.gap", text),
+        let verdict = if is_grave {
+            Verdict::care("recording.gap", text)
+        } else {
+            Verdict::note("recording.gap", text)
         };
-        said.push(Verdict {
+        verdicts.push(Verdict {
             value: Some(clock.longest_gap_s),
             ..verdict
         });
     }
-    said
+    verdicts
 }
 
-/// Missing times of arrival.
-fn of_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
+/// The verdict on missing arrival times.
+fn missing_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
     let mut missing = Vec::new();
     if clock.damaged_arrivals > 0 {
         let rows = clock.damaged_arrivals;

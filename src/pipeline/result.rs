@@ -17,7 +17,7 @@ use crate::tiles::peak_memory_bytes;
 use crate::trajectory::{Solution, StopReason};
 use crate::verdict::{Headline, Verdict};
 
-/// The whole `result.json`.
+/// The complete `result.json`.
 pub fn document(findings: &Findings) -> Value {
     let mut document = calibrated(&findings.calibration);
     if let Some(report) = &findings.joint {
@@ -36,14 +36,14 @@ pub fn document(findings: &Findings) -> Value {
             document["rejected_rows"] = json!(drive.rejected_rows);
         }
     }
-    for (variant, found) in &findings.variants {
+    for (variant, calibration) in &findings.variants {
         let key = match variant {
             Variant::TwoStep => "two_steps",
             Variant::WithoutReference => "without_reference",
             Variant::ExactPoses => "exact_poses",
             Variant::Paper => "paper_method",
         };
-        document[key] = calibrated(found);
+        document[key] = calibrated(calibration);
     }
     let mut mountings = findings.mountings.iter();
     if let Some((_, truth)) = mountings.find(|(kind, _)| *kind == MountingKind::Truth) {
@@ -63,7 +63,7 @@ pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
     document["verdicts"] = json!(verdicts);
 }
 
-/// The mountings of a project for `calibration.toml`, below what is to be taken care of as comments.
+/// The mountings of a project for `calibration.toml`, preceded by comments with the verdicts that need attention.
 ///
 /// # Errors
 /// See [`Project::scanners_to_toml`].
@@ -98,42 +98,42 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
 }
 
 /// A calibration: the mountings, and the course of the calibration.
-pub fn calibrated(found: &Calibration) -> Value {
-    let mut calibration = json!(found);
+pub fn calibrated(result: &Calibration) -> Value {
+    let mut calibration = json!(result);
     if let Some(entries) = calibration.as_object_mut() {
         entries.remove("scanners");
     }
-    json!({ "scanners": found.scanners(), "calibration": calibration })
+    json!({ "scanners": result.scanners(), "calibration": calibration })
 }
 
-/// `calibration.joint`: course and tests of the joint adjustment, and why it was refused.
+/// `calibration.joint`: course and tests of the joint adjustment, and the reasons if it was refused.
 fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     let refused = (!report.refused.is_empty()).then(|| report.refused.join("; "));
     let mut value = json!({ "refused": refused, "seconds": report.seconds });
-    let Some(found) = &report.found else {
+    let Some(joint) = &report.found else {
         value["decided"] = Value::Null;
         value["reason"] = json!(refused);
         return value;
     };
-    value["decided"] = json!(refused.is_none().then_some(found.rung));
+    value["decided"] = json!(refused.is_none().then_some(joint.rung));
     value["reason"] = json!(refused.as_deref().unwrap_or("no sensor contradicts it"));
-    value["ladder"] = json!(found.ladder);
+    value["ladder"] = json!(joint.ladder);
     if refused.is_some() {
-        value["scanners"] = json!(found.calibration(result).scanners());
+        value["scanners"] = json!(joint.calibration(result).scanners());
     }
-    let shares = result.mountings.iter().zip(found.prior_shares.chunks(6));
+    let shares = result.mountings.iter().zip(joint.prior_shares.chunks(6));
     let shares = shares.map(|(mounting, shares)| (mounting.name.clone(), json!(shares)));
     value["prior_share"] = shares.collect::<Map<_, _>>().into();
-    value["converged"] = json!(found.stop == StopReason::Converged);
+    value["converged"] = json!(joint.stop == StopReason::Converged);
     for (key, count) in [
-        ("iterations", found.iterations),
-        ("rows", found.rows),
-        ("surfels", found.surfels),
-        ("unknowns", found.unknowns),
+        ("iterations", joint.iterations),
+        ("rows", joint.rows),
+        ("surfels", joint.surfels),
+        ("unknowns", joint.unknowns),
     ] {
         value[key] = json!(count);
     }
-    let groups = found.groups.iter();
+    let groups = joint.groups.iter();
     let groups = groups.map(|group| {
         let mut entry = json!(group);
         if let Some(entries) = entry.as_object_mut() {
@@ -142,12 +142,12 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
         (group.name.clone(), entry)
     });
     value["chi_square"] = groups.collect::<Map<_, _>>().into();
-    value["drives"] = found
+    value["drives"] = joint
         .drives
         .iter()
         .map(|drive| moved(drive, &result.mountings))
         .collect();
-    let blocks = found.drives.iter().flat_map(|drive| {
+    let blocks = joint.drives.iter().flat_map(|drive| {
         drive.positions.iter().map(|blocks| {
             let mut entry = json!(blocks);
             entry["drive"] = json!(drive.name);
@@ -155,22 +155,22 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
         })
     });
     value["position_blocks"] = blocks.collect();
-    let regions = found.regions.iter();
+    let regions = joint.regions.iter();
     let regions = regions.map(|region| {
         let centre_m = region.centre_m + origin_m;
         json!({ "centre_m": centre_m, "offset_m": region.offset_m, "surfels": region.surfels })
     });
     value["regions"] = regions.collect();
-    value["reference"] = reference(found);
-    value["scanner_latency_s"] = latencies(found, &result.mountings);
-    value["constants"] = json!(found.constants);
-    for (i, constant) in found.constants.iter().enumerate() {
+    value["reference"] = reference(joint);
+    value["scanner_latency_s"] = latencies(joint, &result.mountings);
+    value["constants"] = json!(joint.constants);
+    for (i, constant) in joint.constants.iter().enumerate() {
         value["constants"][i]["determined"] = json!(constant.sigma.is_some());
     }
     value
 }
 
-/// How far the adjustment moved the poses of a drive, how well points are known, and where mountings jumped.
+/// The displacements of the poses of a drive by the adjustment, the precision of points, and the jumps of mountings.
 fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
     let rms = |of: &dyn Fn(usize) -> Vec3| {
         let sum = (0..drive.moved.len()).map(of).map(|v| v.component_mul(&v));
@@ -204,8 +204,8 @@ fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
 }
 
 /// Errors of the whole reference; null without one.
-fn reference(found: &Joint) -> Value {
-    let Some(reference) = &found.reference else {
+fn reference(joint: &Joint) -> Value {
+    let Some(reference) = &joint.reference else {
         return Value::Null;
     };
     let prior = &reference.prior;
@@ -214,7 +214,7 @@ fn reference(found: &Joint) -> Value {
         "sigma_m": prior.shift_m,
         "sigma_deg": prior.tilt_rad.to_degrees(),
         "assumed": prior.assumed,
-        "sigma_surface_m": found.surface_m,
+        "sigma_surface_m": joint.surface_m,
         "shift_m": reference.shift_m,
         "shift_sigma_m": reference.shift_sigma_m,
         "rotation_deg": deg(&reference.turn_rad),
@@ -222,9 +222,9 @@ fn reference(found: &Joint) -> Value {
     })
 }
 
-/// Latencies by the names of the scanners where they were estimated.
-fn latencies(found: &Joint, mountings: &[Mounting]) -> Value {
-    let all = mountings.iter().zip(&found.late_s);
+/// Latencies by the names of the scanners, if they were estimated.
+fn latencies(joint: &Joint, mountings: &[Mounting]) -> Value {
+    let all = mountings.iter().zip(&joint.late_s);
     let estimated = all.filter_map(|(mounting, late)| {
         let (value, sigma) = (*late)?;
         Some((
@@ -253,12 +253,15 @@ fn evaluation(agreements: &Agreements) -> Value {
 }
 
 fn comparisons(agreements: &Agreements, kind: MountingKind) -> Map<String, Value> {
-    let entries = agreements.under(kind).map(|found| {
-        let mut statistics = json!(found.statistics);
-        statistics["coverage"] = json!(found.coverage);
-        match &found.against {
-            Against::Reference => (found.scanner.clone(), json!({ "reference": statistics })),
-            Against::Scanner(other) => (format!("{other}-{}", found.scanner), statistics),
+    let entries = agreements.under(kind).map(|agreement| {
+        let mut statistics = json!(agreement.statistics);
+        statistics["coverage"] = json!(agreement.coverage);
+        match &agreement.against {
+            Against::Reference => (
+                agreement.scanner.clone(),
+                json!({ "reference": statistics }),
+            ),
+            Against::Scanner(other) => (format!("{other}-{}", agreement.scanner), statistics),
         }
     });
     entries.collect()

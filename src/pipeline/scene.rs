@@ -1,4 +1,4 @@
-//! What the page shows of a drive in three dimensions.
+//! The three-dimensional scene of a drive for the page.
 
 use super::clouds::KeptPoints;
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
@@ -7,30 +7,30 @@ use crate::joint::SurfelPlane;
 use crate::project::Project;
 use crate::report::scene::{Input, Scan, Scene, View, gather};
 
-/// Most points of a drive, and of all drives together: they make the page some megabytes large.
+/// Most points of a drive, and of all drives together: the page then has a size of some megabytes.
 const MOST_OF_DRIVE: usize = 200_000;
 const MOST: usize = 570_000;
 
-/// A drive with what is known of it.
+/// A drive with the data for its scene.
 pub struct Shown<'a> {
     /// Its project.
     pub project: &'a Project,
-    /// The points that were kept of it.
+    /// The kept points of the drive.
     pub kept: &'a KeptPoints,
     /// The distances of its clouds.
     pub agreements: &'a Agreements,
-    /// How they were found.
+    /// The settings with which the distances were computed.
     pub settings: &'a ComparisonSettings,
     /// The reference, metres; empty without one.
     pub reference: &'a [Vec3],
-    /// The surface that an adjustment found.
+    /// The surface that an adjustment estimated.
     pub planes: &'a [SurfelPlane],
     /// Number of drives in the page.
     pub drives: usize,
 }
 
 impl Shown<'_> {
-    /// What is shown of it, placed in these ways, of which the truth is not shown; `None` without points.
+    /// The scene with the points placed in these ways, except by the truth; `None` without points.
     pub fn with<'a>(&self, views: impl Iterator<Item = View<'a>>) -> Option<Scene> {
         let scanners = self.project.scanners.iter().zip(self.kept);
         let scans = scanners.map(|(scanner, kept)| Scan {

@@ -58,14 +58,14 @@ pub fn samples(
     let stage = progress.stage("reading profiles", bytes);
     let mountings = mountings(project);
     let jobs: Vec<_> = mountings.iter().zip(&project.scanners).zip(all).collect();
-    let found = in_parallel(jobs, |((mounting, scanner), readers)| {
+    let samples = in_parallel(jobs, |((mounting, scanner), readers)| {
         let (offset_s, settings) = (scanner.time_offset_s, &project.calibration);
         sample_profiles(mounting, readers, offset_s, trajectory, settings, progress)
     })
     .into_iter()
     .collect::<Result<Vec<ScannerSample>>>()?;
     drop(stage);
-    for (scanner, sample) in project.scanners.iter().zip(&found) {
+    for (scanner, sample) in project.scanners.iter().zip(&samples) {
         progress.say(&format!(
             "scanner `{}`: {} points read, {} kept, {} outside the trajectory",
             scanner.name,
@@ -80,7 +80,7 @@ pub fn samples(
             progress,
         );
     }
-    Ok(found)
+    Ok(samples)
 }
 
 /// Warns about points without a pose, or with a pose beyond the project's limits.
@@ -161,8 +161,8 @@ pub fn check_reference(
 
 /// Bounding box: the smallest and the largest coordinates; `None` without points.
 fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
-    points.fold(None, |found, point| {
-        let (low, high) = found.unwrap_or((point, point));
+    points.fold(None, |bounds, point| {
+        let (low, high) = bounds.unwrap_or((point, point));
         Some((low.inf(&point), high.sup(&point)))
     })
 }
@@ -269,17 +269,16 @@ pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
         return 0.0;
     };
     let is_held = |position: &&PositionSettings| {
-        let own = format!("{}.lever_arm", position.name);
+        let lever_arm = format!("{}.lever_arm", position.name);
         let mut constants = solution.constants.iter();
-        !constants.any(|constant| constant.name.starts_with(&own))
+        !constants.any(|constant| constant.name.starts_with(&lever_arm))
     };
     let positions = logs.settings.positions.iter().filter(is_held);
     let best = positions.min_by(|a, b| a.sigma_m.norm().total_cmp(&b.sigma_m.norm()));
     best.map_or(0.0, |best| best.sigma_lever_arm_m)
 }
 
-/// The project with the latencies of its scanners corrected, and their compliance, where an adjustment found
-/// them.
+/// The project with the estimated latencies and compliance of its scanners, if an adjustment estimated them.
 pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
     let mut project = project.clone();
     let late_s = joint.into_iter().flat_map(|joint| &joint.late_s);

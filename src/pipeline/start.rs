@@ -1,4 +1,4 @@
-//! From where a calibration begins, and on which scales.
+//! The start values and the scales of a calibration.
 
 use super::stages::{initial_poses, mountings, open_profiles, with_mountings};
 use crate::calibration::{CalibrationSettings, ScannerSample, better_start, point_spacing_m};
@@ -14,23 +14,23 @@ use crate::stored::stored;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
-/// The search for a better start takes as long as so many looks at one.
+/// Duration of the search for a better start, in evaluations of one start.
 const SEARCH_UNITS: u64 = 6;
-/// The coarsest scale reaches as far as the clouds lie apart where it is this share of it.
+/// Smallest sufficient value of the coarsest scale, as a share of the distance between the clouds.
 const SCALE_PER_MISFIT: f64 = 0.5;
 /// Fewest neighbourhoods of a scale that is added.
 const NEIGHBOURHOODS: usize = 10;
-/// Where clouds lie farther apart, no scale helps, metres.
+/// Distance between clouds beyond which no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
-/// A rough mounting is off by less: radians, metres.
+/// Largest error of a rough mounting: radians, metres.
 const ROUGH_START: (f64, f64) = (0.06, 0.1);
 /// The finest scale of a close-range scanner, metres, and of any at this share of its ranges.
 const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
-/// Points whose spacing is looked at are seen while the body moves by this share of their ranges.
+/// Displacement of the body, as a share of the ranges, during which the points are recorded whose spacing is measured.
 const MOVED_SHARE: f64 = 0.05;
 
-/// The project with scales as fine as its points lie, where it leaves them to these.
+/// The project with scales that match the spacing of its points, if it asks for automatic scales.
 ///
 /// # Errors
 /// Errors of the readers.
@@ -54,7 +54,7 @@ pub fn with_scales(
             .say("how far points lie apart cannot be seen: the scales are those of close range");
         return Ok(project);
     };
-    // To two digits.
+    // Round to two digits.
     let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
     let finest_m = (finest_m / digit).round() * digit;
     let sizes = &mut project.calibration.voxel_sizes_m;
@@ -67,7 +67,7 @@ pub fn with_scales(
     Ok(project)
 }
 
-/// The finest scale on which a scanner's points make surfaces, metres; `None` if that cannot be seen.
+/// The finest scale at which a scanner's points form surfaces, metres; `None` if it cannot be determined.
 fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64>> {
     let mut chunk = Vec::new();
     for mut reader in open_profiles(scanner)? {
@@ -92,15 +92,13 @@ fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64
     Ok(None)
 }
 
-/// From where the calibration of a project begins.
+/// The start of the calibration of a project.
 pub struct Start {
-    /// The mountings from which it starts: those of the project, unless the clouds take up much less space with
-    /// others.
+    /// The initial mountings: those of the project, unless the clouds take up much less space with others.
     pub mountings: Vec<BodyFromScanner>,
-    /// Its scales, with coarser ones before those of the project where the clouds lie farther apart than these
-    /// reach.
+    /// Its scales, preceded by coarser ones if the clouds lie farther apart than the scales of the project reach.
     pub voxel_sizes_m: Vec<f64>,
-    /// What the placement of the scans contradicts.
+    /// Contradictions between the scans and their placement.
     pub said: Vec<Verdict>,
 }
 stored!(struct Start { mountings, voxel_sizes_m, said });
@@ -120,7 +118,7 @@ impl Start {
     }
 }
 
-/// Looks how the scans lie with the mountings of the project, and finds from where to begin.
+/// Examines the scans with the mountings of the project, and finds the start of the calibration.
 pub fn start(
     project: &Project,
     trajectory: &Trajectory,
@@ -144,30 +142,30 @@ pub fn start(
     let better = better.map(|poses| with_mountings(project, &poses));
     let better = better.map(|project| (placed(&project), project));
     drop(stage);
-    let (placed, project, mut said) = match better {
-        // A mistake that explains as much is not searched for.
-        Some((found, better))
-            if found.is_as_close_as(&own) && !own.is_explained_as_well_as(&found) =>
+    let (placed, project, mut verdicts) = match better {
+        // A better start is not used if a usual mistake explains the scans about as well.
+        Some((other, better))
+            if other.is_as_close_as(&own) && !own.is_explained_as_well_as(&other) =>
         {
-            let said = far_starts(project, &better);
-            (found, better, said)
+            let verdicts = far_starts(project, &better);
+            (other, better, verdicts)
         }
         _ => (own, project.clone(), Vec::new()),
     };
     let apart_m = placed.apart_m();
-    said.extend(placed.verdict);
-    said.extend(fans(&mountings(&project), samples));
-    for verdict in &said {
+    verdicts.extend(placed.verdict);
+    verdicts.extend(fans(&mountings(&project), samples));
+    for verdict in &verdicts {
         progress.warn(&verdict.text);
     }
     Start {
         mountings: initial_poses(&project),
         voxel_sizes_m: scales_for(&project, samples, apart_m, progress),
-        said,
+        said: verdicts,
     }
 }
 
-/// What is said of starts that are far from the project's own.
+/// The verdicts on starts that are far from the project's own.
 fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
     let pairs = project.scanners.iter().zip(&better.scanners);
     let moved = pairs.map(|(own, better)| {
@@ -177,7 +175,7 @@ fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
         (&own.name, turn.norm(), shift.norm())
     });
     let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
-    let said = far.map(|(name, turn, shift)| {
+    let verdicts = far.map(|(name, turn, shift)| {
         let text = format!(
             "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
              clouds then take up much less space: is that as wrong?",
@@ -185,11 +183,11 @@ fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
         );
         Verdict::care("mounting.start", text).with_value(turn, None)
     });
-    said.collect()
+    verdicts.collect()
 }
 
-/// The scales of the project with coarser ones before where the clouds lie farther apart than those reach, as far
-/// as they hold enough points.
+/// The scales of the project, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as
+/// these hold enough points.
 fn scales_for(
     project: &Project,
     samples: &[ScannerSample],

@@ -12,18 +12,18 @@ use crate::results::Drive;
 use crate::sensor::PoseRecord;
 use crate::trajectory::{SensorDiagnostics, Solution};
 
-/// What the ± of a mounting is.
+/// Explains the ± of a mounting.
 const SIGMA_OF_A_MOUNTING: &str = "± is one standard deviation of a parameter of the mounting on the body, as it \
     follows from the noise of logs and scans: of repeated drives, 68 % lie within ± once and 95 % within ± twice it.";
-/// What the numbers behind distances are.
+/// Explains the numbers of distances.
 const RMSE_OF_DISTANCES: &str = "RMSE is the root mean square of the single distances, noise of both clouds \
     included: it has no ±, and is no standard deviation of the mounting.";
-/// What the ± of a constant is.
+/// Explains the ± of a constant.
 const SIGMA_OF_A_CONSTANT: &str =
     "± is one standard deviation (68 %) of the constant, by this drive alone.";
 
-/// Which method's values a run gives, the mountings, and the distances; why the joint adjustment was
-/// refused stands first.
+/// The method whose values are the result, the mountings, and the distances; if the joint adjustment was refused, the
+/// reason comes first.
 pub fn run(findings: &Findings, report: &str) -> String {
     format!(
         "report: {report}\n\n{}\n{}\n{}",
@@ -33,11 +33,15 @@ pub fn run(findings: &Findings, report: &str) -> String {
     )
 }
 
-/// Which method's values these are, and the mountings.
+/// The method whose values are the result, and the mountings.
 pub fn calibration(findings: &Findings) -> String {
     let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
-    let methods = methods.iter().filter(|found| !found.severity.is_marked());
-    let methods: String = methods.map(|found| format!("{}\n\n", found.text)).collect();
+    let methods = methods
+        .iter()
+        .filter(|verdict| !verdict.severity.is_marked());
+    let methods: String = methods
+        .map(|verdict| format!("{}\n\n", verdict.text))
+        .collect();
     let reference = judgement::reference_sigmas(&findings.calibration, findings.joint.as_ref());
     format!(
         "{methods}{}\n{}",
@@ -46,7 +50,7 @@ pub fn calibration(findings: &Findings) -> String {
     )
 }
 
-/// Which stages were not run again, and where finished ones are kept.
+/// The stages that were not run again, and the folder of finished stages.
 fn stages(findings: &Findings) -> String {
     let Some(kept) = &findings.kept else {
         return String::new();
@@ -121,7 +125,7 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 /// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
     let mut all = drives.iter().flat_map(|drive| &drive.agreements.found);
-    let is_joint = all.any(|found| found.mounting == MountingKind::TwoStep);
+    let is_joint = all.any(|agreement| agreement.mounting == MountingKind::TwoStep);
     let result = if is_joint {
         "joint adjustment"
     } else {
@@ -139,13 +143,13 @@ pub fn distances(drives: &[Drive]) -> String {
         for pair in drive.agreements.pairs() {
             rows.push(format!("  {}: {}", drive.name, pair[0].pair()));
             for ((kind, _), column) in kinds.iter().zip(&mut columns) {
-                let found = pair.iter().find(|found| found.mounting == *kind);
-                let rmse_m = found.map(|found| found.statistics.rmse_m);
+                let agreement = pair.iter().find(|agreement| agreement.mounting == *kind);
+                let rmse_m = agreement.map(|agreement| agreement.statistics.rmse_m);
                 column.push(rmse_m.map_or("-".into(), |rmse| format!("{:.2} mm", rmse * 1e3)));
             }
         }
     }
-    // The truth is known only in simulations.
+    // The truth is known only for simulations.
     columns.retain(|column| column[1..].iter().any(|cell| cell != "-"));
     if columns.is_empty() {
         return "No clouds to compare.".into();
@@ -235,8 +239,8 @@ fn sensors(solution: &Solution) -> Vec<String> {
         std::iter::once(head.to_owned()).chain(cells).collect()
     };
     let component = |s: &SensorDiagnostics| {
-        let found = s.variance_component;
-        found.map_or("-".into(), |found| format!("{found:.2}"))
+        let component = s.variance_component;
+        component.map_or("-".into(), |component| format!("{component:.2}"))
     };
     let columns = [
         column("used", &|s| s.count.to_string()),

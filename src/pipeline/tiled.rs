@@ -1,4 +1,4 @@
-//! Clouds in square tiles: points go to disk by tile as they come, and from there into one COPC file a tile.
+//! Clouds in square tiles: points are written to disk by tile as they arrive, and then into one COPC file per tile.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -14,13 +14,13 @@ use crate::format::{CloudPoint, CloudShape, CloudSink, copc_sink};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Memory of all points that are not on disk yet, bytes: an eighth of the least for which a campaign does another item
-/// at the same time (500 MB).
+/// Limit of the memory of points that are not on disk yet, bytes: an eighth of the least memory for which a campaign
+/// runs another item at the same time (500 MB).
 const MOST_WAITING: usize = 64 << 20;
-/// Points of a tile go to disk when they are this many bytes, where memory allows.
+/// Points of a tile are written to disk in pieces of this many bytes, if memory allows.
 const PIECE: usize = 1 << 20;
 
-/// Which tile: its place in the grid, of which (0, 0) has its south-west corner at the origin of the world.
+/// Place of a tile in the grid; tile (0, 0) has its south-west corner at the origin of the world.
 type Place = (i64, i64);
 
 /// A written tile.
@@ -38,26 +38,26 @@ pub struct Tile {
 
 /// The points of one scanner in one tile.
 struct Spool {
-    /// Those that are not in its file yet.
+    /// Points that are not in its file yet.
     waiting: Vec<u8>,
     points: u64,
     low: Vec3,
     high: Vec3,
 }
 
-/// The tiles of a drive while its points come, of several scanners at the same time.
+/// The tiles of a drive while points of several scanners arrive at the same time.
 pub struct Tiling {
     folder: PathBuf,
     side_m: f64,
-    /// Memory of the points of each scanner that are not on disk yet, bytes.
+    /// Limit of the memory of the points of each scanner that are not on disk yet, bytes.
     most_waiting: usize,
-    /// By tile, then by scanner.
+    /// Spools by tile, then by scanner.
     spools: Mutex<BTreeMap<Place, BTreeMap<usize, Spool>>>,
 }
 
 impl Tiling {
-    /// Tiles of this side for the points of so many scanners; `folder` takes points until the tiles are written, and
-    /// does not exist.
+    /// Tiles with sides of `side_m` for the points of this many scanners; `folder` holds the points until the tiles are
+    /// written, and must not exist yet.
     ///
     /// # Errors
     /// The folder cannot be created.
@@ -71,7 +71,7 @@ impl Tiling {
         })
     }
 
-    /// What takes the points of a scanner.
+    /// The sink for the points of a scanner.
     pub fn sink(&self, scanner: usize) -> Box<dyn CloudSink + '_> {
         Box::new(self.tiled(scanner))
     }
@@ -90,7 +90,7 @@ impl Tiling {
         self.folder.join(format!("{east}_{north}_{scanner}"))
     }
 
-    /// Writes a COPC file for each tile into `folder`, scanners in their order, and removes what was kept of the
+    /// Writes a COPC file for each tile into `folder`, scanners in their order, and removes the temporary files of the
     /// points.
     ///
     /// # Errors
@@ -157,7 +157,7 @@ struct TiledSink<'a> {
 }
 
 impl TiledSink<'_> {
-    /// Frees half of the memory. The fullest tiles go to disk first: few files, in large pieces.
+    /// Frees half of the memory. The fullest tiles are written first, so that few files get large pieces.
     fn relieve(&mut self) -> Result<()> {
         let mut fullest: Vec<(&Place, &mut Spool)> = self.spools.iter_mut().collect();
         fullest.sort_by_key(|(_, spool)| Reverse(spool.waiting.capacity()));
@@ -188,11 +188,13 @@ impl CloudSink for TiledSink<'_> {
         spool.low = spool.low.inf(&point.position);
         spool.high = spool.high.sup(&point.position);
         let [x, y, z] = point.position.into();
-        let own = [x, y, z, point.time_s, point.intensity.into()];
+        let fields = [x, y, z, point.time_s, point.intensity.into()];
         let before = spool.waiting.capacity();
-        spool.waiting.reserve(8 * (own.len() + point.values.len()));
+        spool
+            .waiting
+            .reserve(8 * (fields.len() + point.values.len()));
         self.held += spool.waiting.capacity() - before;
-        for value in own.iter().chain(point.values) {
+        for value in fields.iter().chain(point.values) {
             spool.waiting.extend_from_slice(&value.to_le_bytes());
         }
         if spool.waiting.len() >= PIECE {
@@ -222,7 +224,7 @@ impl CloudSink for TiledSink<'_> {
     }
 }
 
-/// Appends to a file, which is made where it is not there; nothing without bytes.
+/// Appends to a file, which is created if it is missing; does nothing without bytes.
 fn append(path: &Path, bytes: &[u8]) -> Result<()> {
     if bytes.is_empty() {
         return Ok(());
@@ -233,7 +235,7 @@ fn append(path: &Path, bytes: &[u8]) -> Result<()> {
         .map_err(|error| Error::io(path, error))
 }
 
-/// Passes the points of a file on.
+/// Passes the points of a file to a sink.
 fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> {
     let failed = |error| Error::io(path, error);
     let mut file = BufReader::with_capacity(PIECE, File::open(path).map_err(failed)?);
@@ -250,7 +252,7 @@ fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> 
         sink.push(&CloudPoint {
             position: Vec3::new(values[0], values[1], values[2]),
             time_s: values[3],
-            // It came from single precision.
+            // The intensity was stored from single precision.
             intensity: values[4] as f32,
             values: &values[5..],
         })?;
@@ -301,8 +303,8 @@ mod tests {
         assert!(!folder.path().join("spool").exists());
     }
 
-    /// Points of a scanner that goes to and fro over a field of 20 m and may keep so many bytes waiting: the bytes of each
-    /// tile, and the most memory that waiting points took.
+    /// Tiles the points of a scanner that moves to and fro over a field of 20 m, with a limit of the waiting bytes;
+    /// returns the bytes of each tile, and the most memory that waiting points took.
     fn tiled(side_m: f64, most_waiting: usize) -> (BTreeMap<String, Vec<u8>>, usize) {
         let folder = tempfile::tempdir().unwrap();
         let spool = folder.path().join("spool");
@@ -335,7 +337,7 @@ mod tests {
     fn many_small_tiles_take_no_more_memory_than_few() {
         let (plain, all) = tiled(1.0, usize::MAX);
         assert_eq!(plain.len(), 400);
-        // Nothing is taken that no point needs.
+        // No memory is taken beyond the needs of the points.
         assert!(all < 4 * 48 * 20_000, "{all}");
         for most_waiting in [20_000, 200_000] {
             let (bounded, held) = tiled(1.0, most_waiting);

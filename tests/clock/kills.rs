@@ -61,7 +61,7 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        std::thread::sleep(took.mul_f64(1.1 * f64::from(step) / f64::from(count - 1)));
+        std::thread::sleep(took.mul_f64(1.1 * f64::from(step + 1) / f64::from(count + 1)));
         if step % 2 == 0 {
             child.kill().unwrap();
         } else {

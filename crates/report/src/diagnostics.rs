@@ -46,8 +46,8 @@ pub fn component_name(sensor: &str, components: usize, index: usize) -> String {
 
 /// The measurements that fail the test of data snooping worst, worst first.
 pub fn worst(solution: &Solution, count: usize) -> Vec<WorstMeasurement> {
-    let found = solution.worst(count).into_iter();
-    found
+    let worst = solution.worst(count).into_iter();
+    worst
         .filter_map(|(sensor, residual)| {
             let by_size = |a: &(usize, &f64), b: &(usize, &f64)| a.1.abs().total_cmp(&b.1.abs());
             let (at, test) = residual.tests.iter().enumerate().max_by(by_size)?;
@@ -85,7 +85,7 @@ pub fn rejection_counts(solution: &Solution) -> Vec<RejectionCount> {
             .iter_mut()
             .find(|c| c.sensor == rejection.sensor && c.reason == rejection.reason);
         match same {
-            Some(found) => found.count += 1,
+            Some(entry) => entry.count += 1,
             None => counts.push(RejectionCount {
                 sensor: rejection.sensor.clone(),
                 reason: rejection.reason,
@@ -237,9 +237,10 @@ pub fn quantity(value: f64, unit: &str) -> String {
 /// An angle of `value` degrees with this many significant digits; the degree sign follows without a
 /// space.
 pub fn degrees(value: f64, digits: i32) -> String {
-    match value.is_finite() {
-        true => format!("{}°", number::significant(value, digits)),
-        false => number::DASH.into(),
+    if value.is_finite() {
+        format!("{}°", number::significant(value, digits))
+    } else {
+        number::DASH.into()
     }
 }
 

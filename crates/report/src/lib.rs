@@ -1,4 +1,5 @@
-//! Tables, figures and pages of a calibration: a part of [boresight](https://crates.io/crates/boresight), which hands it on whole.
+//! Tables, figures and pages of a calibration: a part of [boresight](https://crates.io/crates/boresight), which
+//! re-exports all of it.
 //!
 //! Data flows down this list, and modules import only from above:
 //!

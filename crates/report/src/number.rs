@@ -120,9 +120,10 @@ pub fn sigma(value: f64) -> String {
 pub fn shortest(value: f64) -> String {
     let all = decimals(value, 10, 12);
     let text = fixed(value, all);
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
     }
 }
 

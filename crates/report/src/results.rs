@@ -9,18 +9,18 @@ use crate::stored::stored;
 use crate::trajectory::{Doubt, Solution};
 use crate::verdict::Verdict;
 
-/// All that is judged of a run.
+/// The results of a run that are judged.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Results<'a> {
     /// The calibration drive, then the others.
     pub drives: &'a [Drive],
-    /// What the first placement of the scans contradicts.
+    /// Contradictions between the scans and their first placement.
     pub placement: &'a [Verdict],
-    /// The calibration, and what it is compared with.
+    /// The calibration, with the values that it is compared with.
     pub calibrations: Option<Calibrations<'a>>,
 }
 
-/// A calibration and what it is compared with. All list the same scanners in the same order.
+/// A calibration, with the values that it is compared with. All lists hold the same scanners in the same order.
 #[derive(Debug, Clone, Copy)]
 pub struct Calibrations<'a> {
     /// The body_from_scanner of each scanner for which clouds were compared: initial, final, and
@@ -28,11 +28,11 @@ pub struct Calibrations<'a> {
     pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
     /// The calibration that gives the result.
     pub result: &'a Calibration,
-    /// The joint adjustment of the run, accepted or refused; `None` where none was asked for.
+    /// The joint adjustment of the run, accepted or refused; `None` if none was asked for.
     pub joint: Option<&'a JointReport>,
     /// Calibrations of the same drive under other conditions.
     pub variants: &'a [(Variant, Calibration)],
-    /// The project's origin, which coordinates in these results lack, metres.
+    /// The project's origin, metres; it is subtracted from all coordinates in these results.
     pub origin_m: Vec3,
 }
 
@@ -48,22 +48,22 @@ impl<'a> Calibrations<'a> {
     pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
         let mut all = self.variants.iter();
         all.find(|(other, _)| *other == variant)
-            .map(|(_, found)| found)
+            .map(|(_, calibration)| calibration)
     }
 
     /// The calibration in two steps, if there is one.
     pub fn two_steps(&self) -> Option<&'a Calibration> {
         let is_result = self.result.method == Method::TwoStep;
-        let own = is_result.then_some(self.result);
-        own.or_else(|| self.variant(Variant::TwoStep))
+        let two_steps = is_result.then_some(self.result);
+        two_steps.or_else(|| self.variant(Variant::TwoStep))
     }
 
-    /// What the joint adjustment found, whether its values are the result or not.
+    /// The result of the joint adjustment, whether its values are used or not.
     pub fn joint_found(&self) -> Option<&'a Joint> {
         self.joint?.found.as_ref()
     }
 
-    /// What the joint adjustment found where its values are not the result.
+    /// The result of the joint adjustment if its values are not used.
     pub fn refused(&self) -> Option<&'a Joint> {
         let is_refused = self.joint?.accepted().is_none();
         self.joint_found().filter(|_| is_refused)
@@ -83,7 +83,7 @@ pub struct Drive {
     pub rejected_rows: Vec<RejectedRow>,
     /// Agreement of its clouds.
     pub agreements: Agreements,
-    /// What its raw logs contradict.
+    /// Contradictions in its raw logs.
     pub preflight: Vec<Verdict>,
     /// Constants of its project that it contradicts.
     pub doubts: Vec<Doubt>,

@@ -1,4 +1,4 @@
-//! Description of the joint adjustment and of what only it uses.
+//! Description of the joint adjustment and of its own settings.
 
 use super::lines::{Lines, degrees, millimetres};
 use crate::project::Project;
@@ -17,7 +17,7 @@ pub(super) fn describe(lines: &mut Lines, project: &Project) {
     lines.value("iterations", format!("at most {}", settings.max_iterations));
 }
 
-/// How far off the whole reference may be; assumptions only where they are used.
+/// The assumed errors of the whole reference, if they are used.
 pub(super) fn describe_reference(lines: &mut Lines, project: &Project) {
     let sigma = &project.joint.reference;
     if project.is_joint || !sigma.assumed {
@@ -32,13 +32,14 @@ pub(super) fn describe_reference(lines: &mut Lines, project: &Project) {
     }
 }
 
-/// The step of a run, if there is one adjustment.
+/// The step of a run, if it has a joint adjustment.
 pub(super) fn step(project: &Project) -> Option<String> {
     let drives = project.drives.iter().map(|drive| drive.name.as_str());
     let drives: Vec<&str> = drives.collect();
-    let with = match drives.is_empty() {
-        true => String::new(),
-        false => format!(", together with {}", drives.join(", ")),
+    let with = if drives.is_empty() {
+        String::new()
+    } else {
+        format!(", together with {}", drives.join(", "))
     };
     let step = format!("adjust trajectory and mountings in one{with}");
     project.is_joint.then_some(step)

@@ -82,11 +82,11 @@ pub(super) fn project(project: &Project) -> String {
         joint::describe(&mut lines, project);
     }
     describe_comparison(&mut lines, &project.comparison);
-    for (kind, others) in [
+    for (kind, drives) in [
         ("drive", &project.drives),
         ("evaluation", &project.evaluations),
     ] {
-        for other in others {
+        for other in drives {
             lines.section(&format!("{kind} {}", other.name));
             lines.file("project", &other.project);
         }
@@ -126,9 +126,10 @@ pub(super) fn steps(project: &Project) -> Vec<String> {
             "against each other; without a reference their common height is unobservable and is held"
         }
     };
-    let scales = match project.has_auto_scales {
-        true => String::new(),
-        false => format!(" on {} scales", project.calibration.voxel_sizes_m.len()),
+    let scales = if project.has_auto_scales {
+        String::new()
+    } else {
+        format!(" on {} scales", project.calibration.voxel_sizes_m.len())
     };
     steps.push(format!("calibrate {}{scales} {against}", names.join(", ")));
     steps.extend(joint::step(project));
@@ -201,9 +202,10 @@ fn describe_calibration(lines: &mut Lines, project: &Project) {
         .iter()
         .map(|size| short(size * 1e3))
         .collect();
-    let sizes = match project.has_auto_scales {
-        true => "chosen from the points".to_owned(),
-        false => format!("{} mm", sizes.join(", ")),
+    let sizes = if project.has_auto_scales {
+        "chosen from the points".to_owned()
+    } else {
+        format!("{} mm", sizes.join(", "))
     };
     lines.value("voxel sizes", sizes);
     lines.value("neighbours", settings.neighbours);

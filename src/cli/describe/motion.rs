@@ -60,14 +60,16 @@ pub(super) fn describe_logs(lines: &mut Lines, logs: &Logs) {
         .iter()
         .map(|constant| constant.name(&settings.positions))
         .collect();
-    let constants = match constants.is_empty() {
-        true => "none".to_owned(),
-        false => constants.join(", "),
+    let constants = if constants.is_empty() {
+        "none".to_owned()
+    } else {
+        constants.join(", ")
     };
     lines.value("estimated constants", constants);
-    let rest = match settings.zero_velocity {
-        true => "velocity held at zero",
-        false => "not used",
+    let rest = if settings.zero_velocity {
+        "velocity held at zero"
+    } else {
+        "not used"
     };
     lines.value("rest", rest);
 }
@@ -77,9 +79,10 @@ fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSe
         PositionKind::Prism => "prism",
         PositionKind::Gnss => "gnss",
     };
-    lines.section(&match settings.name == kind {
-        true => kind.to_owned(),
-        false => format!("{kind} {}", settings.name),
+    lines.section(&if settings.name == kind {
+        kind.to_owned()
+    } else {
+        format!("{kind} {}", settings.name)
     });
     lines.log(&log.path, log.time_offset_s);
     if let Observations::Polar(station) = &log.observations {
@@ -103,13 +106,14 @@ fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSe
 }
 
 fn sigma_of_axes(sigma_m: &Vec3) -> String {
-    match sigma_m.x == sigma_m.y && sigma_m.y == sigma_m.z {
-        true => millimetres(sigma_m.x),
-        false => format!("{} mm (east, north, up)", vector(&(sigma_m * 1e3))),
+    if sigma_m.x == sigma_m.y && sigma_m.y == sigma_m.z {
+        millimetres(sigma_m.x)
+    } else {
+        format!("{} mm (east, north, up)", vector(&(sigma_m * 1e3)))
     }
 }
 
-/// The sigma of errors that last, and how long.
+/// The sigma of correlated errors, and their correlation time.
 fn lasts(sigma: Option<String>, correlation_s: f64) -> String {
     sigma.map_or_else(
         || "none".to_owned(),

@@ -1,33 +1,33 @@
-//! As much of HTTP as a page on the same machine needs.
+//! The part of HTTP that a page on the same machine needs.
 
 use std::io::{Read, Result, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// A client that takes longer, to ask or to read, is left.
+/// Time after which the connection of a slow client is closed.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Longest request, bytes.
 const MAX_REQUEST: usize = 16_384;
 
-/// What a client asks for.
+/// The request of a client.
 #[derive(Debug, PartialEq)]
 pub struct Request {
-    /// Without the query.
+    /// Path without the query.
     pub path: String,
-    /// Its `Host`.
+    /// Value of the `Host` header.
     pub host: String,
     /// The value of `page` in the query.
     pub page: String,
 }
 
-/// Sets how long a connection may take.
+/// Limits the time that a connection may take.
 pub fn limit(stream: &TcpStream) -> Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))
 }
 
 impl Request {
-    /// Reads a request; the status to refuse it with where it is none.
+    /// Reads a request; if it is invalid, returns the status to refuse it with.
     pub fn read(mut stream: impl Read) -> Result<std::result::Result<Self, &'static str>> {
         let began = Instant::now();
         let mut bytes = Vec::new();
@@ -74,7 +74,7 @@ impl Request {
     }
 }
 
-/// Answers with this body, of this kind and with this policy of what it may load.
+/// Responds with a body of this media type and this content security policy.
 pub fn respond(mut stream: &TcpStream, (kind, policy): (&str, &str), body: &[u8]) -> Result<()> {
     let head = format!(
         "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\n\
@@ -86,7 +86,7 @@ pub fn respond(mut stream: &TcpStream, (kind, policy): (&str, &str), body: &[u8]
     stream.flush()
 }
 
-/// Answers with a status alone.
+/// Responds with a status and no body.
 pub fn refuse(mut stream: &TcpStream, status: &str) -> Result<()> {
     let text = format!(
         "HTTP/1.1 {status}\r\nContent-Type: text/plain\r\nContent-Length: {}\r\nConnection: close\r\n\r\n{status}\n",
@@ -102,13 +102,13 @@ mod tests {
     #[test]
     fn requests_are_read_or_refused() {
         let read = |text: &str| Request::read(text.as_bytes()).unwrap();
-        let found = read("GET /events?page=a1 HTTP/1.1\r\nhost: LocalHost:80\r\n\r\n").unwrap();
+        let request = read("GET /events?page=a1 HTTP/1.1\r\nhost: LocalHost:80\r\n\r\n").unwrap();
         let expected = Request {
             path: "/events".into(),
             host: "localhost:80".into(),
             page: "a1".into(),
         };
-        assert_eq!(found, expected);
+        assert_eq!(request, expected);
         for (text, status) in [
             (
                 "POST / HTTP/1.1\r\nHost: a\r\n\r\n",

@@ -1,8 +1,7 @@
-//! A page on 127.0.0.1 that shows a run while it works, and then its report.
+//! A page on 127.0.0.1 that shows a run while it works, and then shows its report.
 //!
-//! Pages hold a stream of events open. A page that is closed, or that reads nothing, loses its stream and nothing
-//! else: the work never waits for one. Only at the end, for some seconds, the program waits until the pages that
-//! are open have loaded the report.
+//! Pages hold a stream of events open. A page that is closed, or that stops reading, loses only its stream: the work
+//! never waits for a page. Only at the end, the program waits for some seconds until open pages have loaded the report.
 
 mod http;
 
@@ -25,13 +24,13 @@ use http::{Request, refuse, respond};
 /// The page that shows the work.
 const LIVE_PAGE: &str = include_str!("live.html");
 const HTML: &str = "text/html; charset=utf-8";
-/// What the page may load: nothing but itself and what comes from here; the report holds all that it needs.
+/// The content that the page may load: only itself and resources of this server; the report is self-contained.
 const LIVE_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; \
     img-src 'self'; connect-src 'self'";
 const REPORT_POLICY: &str = "default-src 'unsafe-inline' 'unsafe-eval' data: blob:";
-/// How often pages are told how far the work is.
+/// Interval between progress events.
 const EVENT_EVERY: Duration = Duration::from_millis(500);
-/// How long the program waits for open pages to load the report.
+/// Time that the program waits for open pages to load the report.
 const LAST_CALL: Duration = Duration::from_secs(10);
 /// Most connections at a time.
 const MAX_CONNECTIONS: usize = 64;
@@ -48,7 +47,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    /// Shows what `work` does, where that was asked for, and then the page that it wrote.
+    /// Shows the progress of `work`, if the option was given, and then the page that it wrote.
     ///
     /// # Errors
     /// The port is taken; errors of the work.
@@ -62,7 +61,7 @@ impl Watch {
             return work();
         };
         let server = Server::start(port, terminal.watched())?;
-        // Also with --quiet: without its address, nobody finds the page.
+        // Also with --quiet: without the address, the page cannot be found.
         let _ = writeln!(std::io::stderr(), "watch: {}", server.address);
         let outcome = work();
         server.end(match &outcome {
@@ -81,10 +80,10 @@ struct Server {
     shared: Arc<Shared>,
 }
 
-/// What all connections share.
+/// State that all connections share.
 struct Shared {
     view: View,
-    /// Names under which a browser may ask for this machine.
+    /// Host names by which a browser may address this machine.
     hosts: [String; 2],
     connections: AtomicUsize,
     now: Mutex<Now>,
@@ -94,7 +93,7 @@ struct Shared {
 
 #[derive(Default)]
 struct Now {
-    /// The report, or why there is none, once the work is over.
+    /// The report, or the reason why there is none, once the work has ended.
     end: Option<std::result::Result<Arc<[u8]>, String>>,
     /// Pages that are open and have not loaded the report.
     pages: BTreeSet<String>,
@@ -128,7 +127,7 @@ impl Server {
         })
     }
 
-    /// Tells the pages that the work is over, and waits until those that are open have loaded the report.
+    /// Tells the pages that the work has ended, and waits until open pages have loaded the report.
     fn end(&self, end: std::result::Result<Arc<[u8]>, String>) {
         let until = Instant::now() + LAST_CALL;
         let mut now = self.shared.now();
@@ -160,11 +159,11 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
             shared.connections.fetch_sub(1, Ordering::Relaxed);
             continue;
         }
-        let own = shared.clone();
+        let shared_in_thread = shared.clone();
         let spawned = std::thread::Builder::new().spawn(move || {
-            // Whoever has gone away hears nothing.
-            let _ = serve(&stream, &own);
-            own.connections.fetch_sub(1, Ordering::Relaxed);
+            // Errors are ignored: the client has gone away.
+            let _ = serve(&stream, &shared_in_thread);
+            shared_in_thread.connections.fetch_sub(1, Ordering::Relaxed);
         });
         if spawned.is_err() {
             shared.connections.fetch_sub(1, Ordering::Relaxed);
@@ -178,7 +177,7 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
         Ok(request) => request,
         Err(status) => return refuse(stream, status),
     };
-    // A page of another name that leads here is not ours.
+    // A page of a foreign host name that resolves to this machine is refused.
     if !shared.hosts.contains(&request.host) {
         return refuse(stream, "403 Forbidden");
     }
@@ -217,7 +216,7 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
     }
 }
 
-/// Tells a page how far the work is, again and again, until it is over.
+/// Sends progress events to a page until the work has ended.
 fn tell(mut stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
     stream.write_all(
         b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\n\
@@ -320,7 +319,7 @@ mod tests {
                 told.ends_with("event: end\ndata: {\"done\":true}\n\n"),
                 "{told}"
             );
-            // As a browser takes some time.
+            // A browser takes some time, too.
             std::thread::sleep(Duration::from_secs(1));
             answer(ask(port, "/?page=a", &host))
         });

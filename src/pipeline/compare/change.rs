@@ -1,4 +1,4 @@
-//! A plot on two dates.
+//! The comparison of a plot on two dates.
 
 use std::path::{Path, PathBuf};
 
@@ -15,11 +15,11 @@ use crate::tiles::{self, Comparison, NormalSource};
 
 /// The page of a change.
 pub const PAGE: &str = "change.html";
-/// Its core points with distances.
+/// The cloud of its core points with distances.
 pub const CLOUD: &str = "change.laz";
 
 /// Compares the tiles of a plot on two dates, the earlier first, and writes the core points and a page into `folder`.
-/// The same inputs give the same bytes wherever they lie, with any limit of the memory.
+/// Equal inputs give equal bytes, wherever their files are and with any limit of the memory.
 ///
 /// # Errors
 /// A drive without points; as for [`super::compare`].
@@ -44,12 +44,12 @@ pub fn change(
         memory_bytes,
     };
     let wkt = format::crs_wkt(&comparison.reference)?;
-    let found = tiles::compare(&comparison, &staging, progress)?.found;
+    let distances = tiles::compare(&comparison, &staging, progress)?.found;
     for path in joined.iter().filter(|path| path.exists()) {
         std::fs::remove_file(path).map_err(|error| Error::io(path, error))?;
     }
-    let statistics = Statistics::of(&found)?;
-    cloud::write(&staging.path(CLOUD), &found, wkt, progress)?;
+    let statistics = Statistics::of(&distances)?;
+    cloud::write(&staging.path(CLOUD), &distances, wkt, progress)?;
     let shown = Comparison {
         cloud: later.into(),
         reference: earlier.into(),
@@ -60,7 +60,7 @@ pub fn change(
         command: String::new(),
         made_s: None,
         peak_memory_bytes: None,
-        ..page::comparison(&shown, &found, statistics.clone())
+        ..page::comparison(&shown, &distances, statistics.clone())
     };
     let path = staging.path(PAGE);
     std::fs::write(&path, report::render(&content)).map_err(|error| Error::io(&path, error))?;
@@ -69,7 +69,7 @@ pub fn change(
     Ok(statistics)
 }
 
-/// The points of all tiles in one file: that of the only one, or `to`.
+/// The points of all tiles in one file: the only tile itself, or the file `to`.
 fn join(tiles: &[PathBuf], to: &Path) -> Result<PathBuf> {
     match tiles {
         [] => Err(Error::of(

@@ -13,18 +13,18 @@ use crate::progress::Progress;
 /// unknown. `wkt` is the coordinate reference system of both clouds.
 pub(super) fn write(
     path: &Path,
-    found: &M3c2,
+    distances: &M3c2,
     wkt: Option<String>,
     progress: &dyn Progress,
 ) -> Result<()> {
     let cloud = PointCloud {
-        points: found.core.iter().map(|core| core.point).collect(),
+        points: distances.core.iter().map(|core| core.point).collect(),
         ..PointCloud::default()
     };
     let dimensions = COLUMNS.map(|c| ExtraDimension::new(c.name, c.kind, c.text));
     let _stage = progress.stage("writing the core points", cloud.points.len() as u64);
     let mut row = |index: u64, values: &mut [f64]| {
-        let core = &found.core[index as usize];
+        let core = &distances.core[index as usize];
         for (value, column) in values.iter_mut().zip(&COLUMNS) {
             *value = (column.value)(core);
         }

@@ -5,12 +5,12 @@ use crate::format::ExtraKind;
 
 /// A value of a core point.
 pub(super) struct Column {
-    /// With its unit.
+    /// Name with its unit.
     pub(super) name: &'static str,
-    /// In a few words of ASCII.
+    /// Description in a few words of ASCII.
     pub(super) text: &'static str,
     pub(super) kind: ExtraKind,
-    /// NaN where it is unknown.
+    /// The value; NaN if it is unknown.
     pub(super) value: fn(&CoreDistance) -> f64,
 }
 

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 const ROWS: usize = 4096;
 
 /// Writes one line per core point, in their order; NaN if a value is unknown.
-pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
+pub(super) fn write(path: &Path, distances: &M3c2) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
         write!(file, "east_m,north_m,up_m")?;
@@ -22,8 +22,8 @@ pub(super) fn write(path: &Path, found: &M3c2) -> Result<()> {
             write!(file, ",{}", column.name)?;
         }
         writeln!(file)?;
-        // Only some blocks at a time: text needs more memory than numbers.
-        for rows in found.core.chunks(64 * ROWS) {
+        // The blocks are formatted in batches: text needs more memory than numbers.
+        for rows in distances.core.chunks(64 * ROWS) {
             let blocks: Vec<Vec<u8>> = rows.par_chunks(ROWS).map(lines).collect();
             for block in blocks {
                 file.write_all(&block)?;
@@ -38,7 +38,7 @@ fn lines(rows: &[CoreDistance]) -> Vec<u8> {
     let mut text = Vec::with_capacity(200 * rows.len());
     for row in rows {
         let p = &row.point;
-        // A Vec takes all bytes.
+        // Writing to a Vec cannot fail.
         let _ = write!(text, "{},{},{}", p.x, p.y, p.z);
         for column in &COLUMNS {
             let _ = write!(text, ",{}", (column.value)(row));

@@ -1,4 +1,4 @@
-//! Jobs of three small stages that another job goes on from.
+//! Tests of jobs of three small stages that a second job continues.
 
 use std::cell::RefCell;
 use std::fs;
@@ -11,14 +11,14 @@ use crate::progress::Silent;
 
 /// The stages, in order.
 const ALL: [&str; 3] = ["read", "scale up", "write"];
-/// What the last of them writes.
+/// The file that the last stage writes.
 const RESULT: &str = "number.txt";
 const WARNING: &str = "numbers are scaled";
 
 /// A folder with an input.
 struct Case(TempDir);
 
-/// How a job ended.
+/// The outcome of a job.
 struct Ran {
     /// The stages that it ran itself.
     stages: Vec<&'static str>,
@@ -40,12 +40,12 @@ impl Case {
         self.0.path().join("out")
     }
 
-    /// Where stages are kept.
+    /// The folder of finished stages.
     fn finished(&self) -> PathBuf {
         self.0.path().join("out.finished")
     }
 
-    /// What was kept of a stage: its result, not the files that it wrote.
+    /// The kept result of a stage, without the files that it wrote.
     fn stage(&self, name: &str) -> PathBuf {
         let start = name.replace(' ', "-") + "-";
         let names = self.kept();
@@ -59,7 +59,7 @@ impl Case {
         names.collect()
     }
 
-    /// Runs the stages, in which the input may be changed.
+    /// Runs the stages; `meddle` is called within each of them and may change the input.
     fn run_and(&self, factor: f64, fresh: bool, meddle: impl Fn(&str)) -> Result<Ran> {
         let inputs = Inputs::read(vec![self.input()], &Silent)?;
         let of_input = Key::default().with(&inputs.hash(&self.input()));
@@ -96,8 +96,8 @@ impl Case {
         })
     }
 
-    /// Runs the stages by this factor; returns those that were run. What they write and warn of is the same
-    /// whether they were found or not.
+    /// Runs the stages by this factor; returns those that were run. Their files and warnings are the same whether they
+    /// were run or restored.
     fn run(&self, factor: f64) -> Vec<&'static str> {
         let ran = self.run_and(factor, false, |_| ()).unwrap();
         let written = fs::read_to_string(self.out().join(RESULT)).unwrap();
@@ -117,7 +117,7 @@ fn finished_stages_are_found_again() {
     let case = Case::new();
     assert_eq!(case.run(2.0), ALL);
     assert_eq!(case.run(2.0), [""; 0]);
-    // Also where nothing but the kept stages is left.
+    // The results are restored even if only the kept stages remain.
     fs::remove_dir_all(case.out()).unwrap();
     assert_eq!(case.run(2.0), [""; 0]);
     assert_eq!(case.run_and(2.0, true, |_| ()).unwrap().stages, ALL);
@@ -156,7 +156,7 @@ fn what_is_not_whole_is_not_read() {
             assert_eq!(case.run(2.0), [stage], "{what}");
         }
     }
-    // A result that somebody edits in place may be the very file that is kept.
+    // A result that a user edits in place may be a hard link to the kept file.
     fs::write(case.out().join(RESULT), "13").unwrap();
     assert_eq!(case.run(2.0), ["write"]);
 }
@@ -192,7 +192,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
     case.run(3.0);
     let second = case.kept();
     assert_eq!(second.len(), first.len());
-    // Those of others, and what was read.
+    // The kept stages of the other run, and the input.
     let both = second.iter().filter(|name| first.contains(name)).count();
     assert_eq!(both, foreign.len() + 1, "{second:?}");
     for name in foreign {
@@ -222,7 +222,7 @@ fn what_follows_from_files_that_change_is_said_and_not_kept() {
     assert_eq!(ran.warnings.len(), 2, "{:?}", ran.warnings);
     let changed = "input.txt changed during this run";
     assert!(ran.warnings[1].contains(changed), "{:?}", ran.warnings);
-    // What it was is there again: the stage before the change holds.
+    // The input has its former content again: the stage before the change is valid.
     fs::write(case.input(), "7").unwrap();
     assert_eq!(case.run(2.0), ["scale up", "write"]);
 }

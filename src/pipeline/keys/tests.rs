@@ -1,4 +1,4 @@
-//! What changes which keys of a project.
+//! Tests which changes of a project affect which keys.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::*;
 use crate::progress::Silent;
 
-/// A drive of two other ones: together with the first, and judged.
+/// A project with two further drives: one is adjusted together with the first, the other is evaluated.
 const PROJECT: &str = r#"[imu]
 file = "imu.csv"
 [prism]
@@ -63,7 +63,7 @@ fn stages_follow_their_inputs_and_settings() {
     write("third", PROJECT);
 
     let mut before = keys(folder.path());
-    // What a change to a file changes.
+    // The keys that a change to a file affects.
     let mut follows = |file: &str, change: &dyn Fn(&str) -> String, expected: &[&str]| {
         let text = fs::read_to_string(at(file)).unwrap();
         fs::write(at(file), change(&text)).unwrap();
@@ -111,7 +111,7 @@ fn stages_follow_their_inputs_and_settings() {
         &set("0.005", "0.006"),
         &["evaluations"],
     );
-    // Only clouds are compared, only verdicts are held against what is accepted.
+    // The comparison affects only clouds, and the acceptance limits affect only verdicts.
     let judged = |text: &str| {
         format!("{text}[comparison]\nmin_points = 3\n[acceptance]\nsigma_translation_m = 0.1\n")
     };

@@ -27,8 +27,8 @@ pub(super) fn follow(
     (job, progress): (&Job<'_>, &dyn Progress),
     mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
-    let others = logs.positions.iter().map(|log| &log.path);
-    let all = others
+    let positions = logs.positions.iter().map(|log| &log.path);
+    let all = positions
         .chain([&logs.imu.path])
         .chain(logs.heading.as_ref().map(|log| &log.path));
     for path in all {
@@ -168,9 +168,9 @@ impl Tail {
             return Ok(false);
         };
         let rest = self.partial.split_off(end + 1);
-        let whole = std::mem::replace(&mut self.partial, rest);
-        let mut rows = Vec::with_capacity(whole.len());
-        for line in whole.split_inclusive(|&byte| byte == b'\n') {
+        let lines = std::mem::replace(&mut self.partial, rest);
+        let mut rows = Vec::with_capacity(lines.len());
+        for line in lines.split_inclusive(|&byte| byte == b'\n') {
             let text = line.trim_ascii();
             let remark = text.is_empty() || text.starts_with(b"#");
             if self.has_header {

@@ -27,7 +27,7 @@ pub(super) struct Session<'a> {
     times_ms: Vec<f64>,
     poses: Vec<PoseRecord>,
     relinearised: usize,
-    /// The last reason given for there being no pose yet.
+    /// The last reason why there was no pose yet.
     waits_for: Option<String>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Tells a user who waits for poses why none come.
+    /// Tells the user why there are no poses yet.
     fn say_why_it_waits(&mut self, progress: &dyn Progress) {
         let why = self.smoother.waits_for();
         if self.rows.is_none() || why == self.waits_for.as_deref() {
@@ -104,7 +104,7 @@ impl<'a> Session<'a> {
             let first = self.poses.is_empty();
             write_row(rows, &pose, first).map_err(|error| Error::io("stdout", error))?;
         }
-        // A late fix updates the same pose.
+        // A late fix updates the last pose.
         match self.poses.last_mut() {
             Some(last) if last.time_s >= pose.time_s => *last = pose,
             _ => self.poses.push(pose),
@@ -150,7 +150,7 @@ impl<'a> Session<'a> {
             last_s - first_s,
         );
         if live {
-            // Among rows of numbers, text is a comment.
+            // Between rows of numbers, text is written as a comment.
             for file in files.drain(..) {
                 summary.push_str(&format!("\nwrote {}", file.display()));
             }

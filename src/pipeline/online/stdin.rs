@@ -66,12 +66,12 @@ fn parse(
     let (name, cells) = text.split_once(',').unwrap_or((text, ""));
     let name = name.trim_ascii();
     let numbers = |least: usize, most: usize, columns: &str| {
-        let found: Option<Vec<f64>> = cells
+        let numbers: Option<Vec<f64>> = cells
             .split(',')
             .map(|cell| cell.trim_ascii().parse().ok())
             .map(|x: Option<f64>| x.filter(|x| x.is_finite()))
             .collect();
-        found
+        numbers
             .filter(|values| (least..=most).contains(&values.len()))
             .ok_or_else(|| {
                 let found = text.chars().take(80).collect::<String>();

@@ -1,4 +1,4 @@
-//! What the residuals along the drive say about the mounting.
+//! Verdicts on the constancy of the mountings, from the residuals along the drive.
 
 use crate::calibration::{Calibration, Constancy, Gap, Method};
 use crate::number;
@@ -6,7 +6,7 @@ use crate::verdict::Verdict;
 
 /// The test of a constant mounting; `None` if it is not possible.
 pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
-    let found = calibration.constancy.as_ref()?;
+    let constancy = calibration.constancy.as_ref()?;
     const CODE: &str = "mounting.constancy";
     let verdict = match warning(calibration) {
         Some(text) => Verdict::care(CODE, text),
@@ -16,12 +16,12 @@ pub fn verdict(calibration: &Calibration) -> Option<Verdict> {
                 "The mounting appears constant{}: residuals along the drive ({}) are {:.1} times as large \
              as the standard deviations of the poses explain.",
                 of_two_steps(calibration),
-                number::length(found.rms_m),
-                found.ratio
+                number::length(constancy.rms_m),
+                constancy.ratio
             ),
         ),
     };
-    let verdict = verdict.with_value(found.ratio, None);
+    let verdict = verdict.with_value(constancy.ratio, None);
     Some(match calibration.method {
         Method::Joint => verdict.about("two steps"),
         Method::TwoStep | Method::Paper => verdict,
@@ -33,7 +33,7 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
     let constancy = calibration
         .constancy
         .as_ref()
-        .filter(|found| !found.constant)?;
+        .filter(|constancy| !constancy.constant)?;
     let with = pattern(calibration, constancy);
     Some(format!(
         "The mounting does not appear constant{}: residuals along the drive ({}) are {:.1} times as \
@@ -44,40 +44,40 @@ pub fn warning(calibration: &Calibration) -> Option<String> {
     ))
 }
 
-/// That two scanners move on each other; `None` where they keep their distance. Of a joint adjustment, its own
-/// tests tell.
+/// A verdict if two scanners move relative to each other; `None` if their distance is constant. A joint adjustment has
+/// its own tests.
 pub fn gap(calibration: &Calibration) -> Option<Verdict> {
     let text = gap_warning(calibration)?;
-    let found_m = calibration.gap.map_or(0.0, |found| found.rms_m);
-    Some(Verdict::care("mounting.gap", text).with_value(found_m, None))
+    let gap_m = calibration.gap.map_or(0.0, |gap| gap.rms_m);
+    Some(Verdict::care("mounting.gap", text).with_value(gap_m, None))
 }
 
-/// The same in words.
+/// The warning of [`gap`] as text.
 pub fn gap_warning(calibration: &Calibration) -> Option<String> {
-    let found = moving_gap(calibration)?;
-    let [first, other] = found
+    let gap = moving_gap(calibration)?;
+    let [first, other] = gap
         .scanners
         .map(|scanner| &calibration.mountings[scanner].name);
     Some(format!(
         "The scanners {first} and {other} do not keep their distance: on spots that both saw in the same pass, \
          it changes along the drive by {}, {:.1} times as much as two rigid mountings explain. A mount has play, or \
          the frame bends.",
-        number::length(found.rms_m),
-        found.ratio
+        number::length(gap.rms_m),
+        gap.ratio
     ))
 }
 
 /// The gap of two steps, if it is not constant.
 pub fn moving_gap(calibration: &Calibration) -> Option<Gap> {
-    let found = calibration.gap.filter(|found| !found.constant);
-    found.filter(|_| calibration.method != Method::Joint)
+    let gap = calibration.gap.filter(|gap| !gap.constant);
+    gap.filter(|_| calibration.method != Method::Joint)
 }
 
-/// Correlations below are chance; the time of a jump is chosen among many.
+/// Smaller correlations are chance; the time of a jump is chosen among many.
 const CORRELATED: f64 = 0.3;
 const JUMPED: f64 = 0.6;
 
-/// What the residuals along the drive follow, and what that is likely to be.
+/// The pattern of the residuals along the drive, and its likely cause.
 fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
     let strongest = constancy.strongest.filter(|(_, r)| r.abs() > CORRELATED);
     let other = strongest.map_or(0.0, |(_, r)| r.abs());
@@ -102,7 +102,7 @@ fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
     })
 }
 
-/// The test of a constant mounting uses the residuals of two steps.
+/// A note that the test of a constant mounting uses the residuals of two steps.
 fn of_two_steps(calibration: &Calibration) -> &'static str {
     match calibration.method {
         Method::Joint => " after two steps",

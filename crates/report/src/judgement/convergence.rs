@@ -1,15 +1,16 @@
-//! Whether the calibration converged, how far from its start, and to the only minimum near.
+//! Verdicts on convergence: whether the calibration converged, how far from its start, and whether the minimum is
+//! unique.
 
 use crate::calibration::{Calibration, Method};
 use crate::geometry::BodyFromScanner;
 use crate::number;
 use crate::verdict::Verdict;
 
-/// A mounting that was measured with a tape is not as far off: metres, radians.
+/// Displacements that exceed the error of a mounting measured with a tape: metres, radians.
 const MOVED_M: [f64; 2] = [0.4, 1.0];
 const MOVED_RAD: [f64; 2] = [0.35, 0.8];
 
-/// Mountings that ended far from where they started.
+/// Verdicts on mountings that ended far from where they started.
 pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
     let pairs = result.mountings.iter().zip(initial);
     let far = pairs.filter_map(|(mounting, initial)| {
@@ -23,17 +24,18 @@ pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> 
                 number::length(shift.norm()),
                 turn.norm().to_degrees()
             );
-            let verdict = match beyond(1) {
-                true => Verdict::fault("mounting.moved", text),
-                false => Verdict::care("mounting.moved", text),
-            };
+            let verdict = if beyond(1) {
+Verdict::fault("mounting.moved", text)
+} else {
+Verdict::care("mounting.moved", text)
+};
             verdict.with_value(shift.norm(), None)
         })
     });
     far.collect()
 }
 
-/// Whether it converged.
+/// The verdict on convergence.
 pub fn convergence(result: &Calibration) -> Verdict {
     const CODE: &str = "calibration.convergence";
     match (result.converged, result.method) {
@@ -50,16 +52,16 @@ pub fn convergence(result: &Calibration) -> Verdict {
     }
 }
 
-/// Whether the mountings came back after they were moved away.
+/// The verdict on uniqueness: whether the mountings came back after they were moved away.
 pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
     const CODE: &str = "calibration.minimum";
-    let found = result.minimum.as_ref()?;
+    let minimum = result.minimum.as_ref()?;
     let away = format!(
         "moved away by {} and {:.1}° along and about each axis",
-        number::length(found.shift_m),
-        found.turn_rad.to_degrees()
+        number::length(minimum.shift_m),
+        minimum.turn_rad.to_degrees()
     );
-    Some(match &found.other {
+    Some(match &minimum.other {
         Some(other) => {
             let pairs = result.mountings.iter().zip(other);
             let places = pairs.map(|(own, other)| {
@@ -80,11 +82,11 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
                 ),
             )
         }
-        None if found.back == found.starts => Verdict::good(
+        None if minimum.back == minimum.starts => Verdict::good(
             CODE,
             format!(
                 "The minimum is the only one near: {away}, the mountings came back {} times of {}.",
-                found.back, found.starts
+                minimum.back, minimum.starts
             ),
         ),
         None => Verdict::note(
@@ -92,7 +94,7 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
             format!(
                 "The mountings came back {} times of {} when {away}, and ended where the clouds fit worse \
                  otherwise: start as near as that.",
-                found.back, found.starts
+                minimum.back, minimum.starts
             ),
         ),
     })

@@ -4,7 +4,7 @@ use crate::drift::{COMPONENTS, Chart, ChartDay, Cost, Off, ScannerChart};
 use crate::number;
 use crate::verdict::Verdict;
 
-/// What a chart says, each scanner on its own.
+/// The verdicts on a chart, one scanner at a time.
 pub fn verdicts(chart: &Chart) -> Vec<Verdict> {
     let scanners = chart.scanners.iter();
     scanners
@@ -58,9 +58,10 @@ fn of_scanner(chart: &Chart, scanner: &ScannerChart) -> Vec<Verdict> {
 }
 
 fn is_off(chart: &Chart, scanner: &ScannerChart, off: &Off) -> Verdict {
-    let base = match chart.from_calibration {
-        true => "the calibration",
-        false => "the first days",
+    let base = if chart.from_calibration {
+        "the calibration"
+    } else {
+        "the first days"
     };
     let text = format!(
         "Since {} scanner {} sits off {base} against {}: by {}. {} Calibrate again.",
@@ -74,7 +75,7 @@ fn is_off(chart: &Chart, scanner: &ScannerChart, off: &Off) -> Verdict {
     Verdict::fault("drift.off", text).with_value(cost.total_m, Some(cost.total_sigma_m))
 }
 
-/// Components that some day leaves open; `None` without any.
+/// Components that are not determined on some day; `None` without any.
 fn undetermined(days: &[ChartDay]) -> Option<String> {
     let open = |i: &usize| days.iter().any(|day| day.offset[*i].is_none());
     let names: Vec<&str> = (0..6).filter(open).map(|i| COMPONENTS[i]).collect();

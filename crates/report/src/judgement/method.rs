@@ -1,11 +1,11 @@
-//! Which method's values are the result, and why.
+//! Verdicts on the method whose values are the result, and why.
 
 use crate::calibration::{Calibration, Method};
 use crate::joint::{Joint, JointReport};
 use crate::number;
 use crate::verdict::Verdict;
 
-/// Which method's values these are; on a fallback a statement for each reason.
+/// Names the method of the result; on a fallback, adds a statement for each reason.
 pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdict> {
     let refused: Vec<Verdict> = joint
         .into_iter()
@@ -31,16 +31,17 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
     ]
 }
 
-/// Why the values are those of two steps, the gravest reason first.
+/// The reasons why the values are those of two steps, the gravest first.
 fn refusals(reasons: &[String], was_made: bool) -> impl Iterator<Item = Verdict> {
-    let what = match was_made {
-        true => "was refused",
-        false => "could not be made",
+    let outcome = if was_made {
+        "was refused"
+    } else {
+        "could not be made"
     };
     reasons.iter().enumerate().map(move |(i, reason)| {
         let text = match i {
             0 => format!(
-                "These are the values of two steps, as the joint adjustment {what}: {reason}."
+                "These are the values of two steps, as the joint adjustment {outcome}: {reason}."
             ),
             _ => format!("The joint adjustment was also refused because {reason}."),
         };
@@ -64,7 +65,7 @@ fn accepted(joint: &Joint) -> String {
     )
 }
 
-/// The largest ratio of an IMU.
+/// The largest ratio of an IMU, in words.
 fn imu(joint: &Joint) -> String {
     let drives = joint.drives.iter();
     let ratios = drives.filter_map(|drive| joint.group(&drive.imu)?.ratio);
@@ -84,14 +85,14 @@ mod tests {
             "the IMU contradicts it".to_owned(),
             "so does `prism`".to_owned(),
         ];
-        let found: Vec<Verdict> = refusals(&reasons, true).collect();
-        assert!(found.iter().all(|v| v.severity.is_marked()));
+        let verdicts: Vec<Verdict> = refusals(&reasons, true).collect();
+        assert!(verdicts.iter().all(|v| v.severity.is_marked()));
         assert!(
-            found[0]
+            verdicts[0]
                 .text
                 .starts_with("These are the values of two steps")
         );
-        assert!(found[0].text.contains("the IMU contradicts it"));
-        assert!(found[1].text.contains("so does `prism`"));
+        assert!(verdicts[0].text.contains("the IMU contradicts it"));
+        assert!(verdicts[1].text.contains("so does `prism`"));
     }
 }

@@ -59,13 +59,13 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
     verdicts
 }
 
-/// Moves what needs attention to the front, the gravest first, and keeps the order of the rest.
+/// Moves verdicts that need attention to the front, the gravest first, and keeps the order of the rest.
 pub fn attention_first(verdicts: &mut [Verdict]) {
     verdicts.sort_by_key(|v| Reverse(v.severity.is_marked().then_some(v.severity)));
 }
 
-/// On the trajectory of each drive. Next to a calibration, trajectories without a problem are left to their own section
-/// of the page.
+/// The verdicts on the trajectory of each drive. If there is a calibration, trajectories without a problem appear only
+/// in their own section of the page.
 fn trajectories(results: &Results) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     for (number, drive) in results.drives.iter().enumerate() {
@@ -96,7 +96,7 @@ const CONSEQUENCES: [&str; 7] = [
     "reference.",
 ];
 
-/// Where logs or scans have a fault, its consequences are for information.
+/// Lowers a verdict to information if it is a consequence of a fault of logs or scans.
 fn soften_consequence(verdict: &mut Verdict) {
     if CONSEQUENCES
         .iter()
@@ -106,7 +106,8 @@ fn soften_consequence(verdict: &mut Verdict) {
     }
 }
 
-/// On the calibration: method, agreement of the clouds, reference, motion, convergence, precision, constancy.
+/// The verdicts on the calibration: method, agreement of the clouds, reference, motion, convergence, precision,
+/// constancy.
 fn calibration(
     calibrations: &Calibrations,
     drives: &[Drive],
@@ -141,7 +142,7 @@ fn calibration(
     }
     let left_open = observability(calibrations).into_iter();
     verdicts.extend(left_open.filter(|v| v.severity != Severity::Good));
-    // The test rests on rigid mountings: it says nothing about mountings that were adjusted as moving ones.
+    // The test assumes rigid mountings, so it does not apply to mountings that were adjusted as moving.
     if !moves {
         verdicts.extend(constancy(result));
     }
@@ -151,7 +152,7 @@ fn calibration(
     verdicts
 }
 
-/// A scanner whose clock the joint adjustment found to be late.
+/// The verdict on a scanner whose clock is late according to the joint adjustment.
 fn late_scanner(scanner: &LateScanner) -> Verdict {
     let text = capitalised(&scanner.describe()) + ".";
     let verdict = Verdict::care("scanner.time_offset", text);

@@ -1,4 +1,4 @@
-//! What is said of mountings that move, and of points, which are known better than these.
+//! Verdicts on mountings that move, and on points, which are known better than such mountings.
 
 use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::Vec3;
@@ -6,10 +6,10 @@ use crate::joint::{Joint, known_m};
 use crate::number;
 use crate::verdict::Verdict;
 
-/// A parameter of which more of the variance than this rests on the prior of the motion is named.
+/// A parameter is named if more than this share of its variance rests on the prior of the motion.
 const NOTABLE_SHARE: f64 = 0.25;
 
-/// How mountings move, where they jumped, and how well points are known.
+/// Verdicts on the motion of mountings, on their jumps, and on the precision of points.
 pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     let mut all = Vec::new();
     all.extend(moving(joint));
@@ -18,7 +18,7 @@ pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     all
 }
 
-/// That the mountings move, by how much, and what of them rests on the prior.
+/// The verdict that the mountings move, by how much, and which parameters rest on the prior.
 fn moving(joint: &Joint) -> Option<Verdict> {
     let [shift_m, turn_rad] = joint.motion()?;
     let reason = joint.ladder.last().and_then(|left| left.reasons.first());
@@ -44,20 +44,21 @@ fn assumed(joint: &Joint) -> String {
         notable.map(|(name, share)| format!("{name} of {} ({:.0} %)", mounting.name, 1e2 * share))
     });
     let named: Vec<String> = named.collect();
-    match named.is_empty() {
-        true => String::new(),
-        false => format!(
+    if named.is_empty() {
+        String::new()
+    } else {
+        format!(
             " What is assumed of the motion makes a good part of the variance of {}.",
             named.join(", ")
-        ),
+        )
     }
 }
 
-/// Where mountings moved all at once.
+/// A verdict for each jump of the mountings.
 fn jumps(joint: &Joint) -> Vec<Verdict> {
     let drives = joint.drives.iter();
     let jumps = drives.flat_map(|drive| drive.jumps.iter().map(move |jump| (drive, jump)));
-    let said = jumps.map(|(drive, jump)| {
+    let verdicts = jumps.map(|(drive, jump)| {
         let [turn, shift] = [&jump.step[..3], &jump.step[3..]].map(Vec3::from_column_slice);
         let [from_s, to_s] = jump.between_s;
         let of_drive = match joint.drives.len() {
@@ -73,10 +74,10 @@ fn jumps(joint: &Joint) -> Vec<Verdict> {
         );
         Verdict::care("mounting.jump", text).with_value(shift.norm(), None)
     });
-    said.collect()
+    verdicts.collect()
 }
 
-/// How well points are known: of the worst scanner.
+/// The verdict on the precision of points, by the worst scanner.
 fn points(joint: &Joint) -> Option<Verdict> {
     let scanners = joint.drives.iter().flat_map(|drive| &drive.points);
     let sigmas = scanners.filter_map(|points| known_m(points));
@@ -86,9 +87,10 @@ fn points(joint: &Joint) -> Option<Verdict> {
         number::length(worst.x),
         number::length(worst.y),
         number::length(worst.z),
-        match joint.held.is_empty() {
-            true => "",
-            false => ", and what nothing determines of the mountings",
+        if joint.held.is_empty() {
+            ""
+        } else {
+            ", and what nothing determines of the mountings"
         },
     );
     Some(Verdict::note("points.sigma", text).with_value(worst.norm(), None))

@@ -1,4 +1,4 @@
-//! How well the mountings are known: standard deviations, relative mountings, what the data leave open.
+//! Verdicts on the precision of the mountings: standard deviations, relative mountings, unobservable directions.
 
 use super::constancy;
 use crate::calibration::{Calibration, RelativeMounting, Variant};
@@ -10,27 +10,28 @@ use crate::verdict::{Acceptance, Verdict, capitalised};
 /// Factors below this are not worth mentioning.
 const NOTABLE: f64 = 2.0;
 
-/// What the positions of the mountings rest on where no lever arm is estimated.
+/// The verdict on the lever arm on which the positions of the mountings rest; `None` if it is estimated.
 pub fn origin(solution: &Solution, sigma_m: f64) -> Option<Verdict> {
     let mut constants = solution.constants.iter();
     let is_estimated = constants.any(|constant| constant.name.contains(".lever_arm"));
     (sigma_m > 0.0 || !is_estimated).then(|| {
-        let text = match sigma_m > 0.0 {
-            true => format!(
+        let text = if sigma_m > 0.0 {
+format!(
                 "The standard deviations of positions include that of the lever arm, {} \
                  (sigma_lever_arm_m): an error of it shifts all mountings alike, and no point in the world.",
                 number::length(sigma_m)
-            ),
-            false => "Positions of the mountings rest on a lever arm that is taken as exact: an error of it shifts \
+            )
+} else {
+"Positions of the mountings rest on a lever arm that is taken as exact: an error of it shifts \
                       all of them alike, and no point in the world."
-                .to_owned(),
-        };
+                .to_owned()
+};
         Verdict::note("mounting.origin", text).with_value(sigma_m, None)
     })
 }
 
-/// The largest standard deviations of the mountings, against what is accepted; `moves`: they include that
-/// mountings move.
+/// The verdict on the largest standard deviations of the mountings, compared with the accepted ones; `moves`: they
+/// include the motion of the mountings.
 pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Option<Verdict> {
     const CODE: &str = "mounting.sigma";
     let mut worst = [0.0f64; 2];
@@ -88,11 +89,11 @@ pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -
     })
 }
 
-/// The observability of the parameters.
+/// The verdicts on the observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     const CODE: &str = "mounting.unobservable";
-    let found = unobservable(calibrations.result, "").into_iter();
-    let mut lines: Vec<Verdict> = found.map(|text| Verdict::care(CODE, text)).collect();
+    let directions = unobservable(calibrations.result, "").into_iter();
+    let mut lines: Vec<Verdict> = directions.map(|text| Verdict::care(CODE, text)).collect();
     if lines.is_empty() {
         lines.push(Verdict::good(
             CODE,
@@ -100,8 +101,8 @@ pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
         ));
     }
     if let Some(without) = calibrations.variant(Variant::WithoutReference) {
-        let found = unobservable(without, " without a reference").into_iter();
-        lines.extend(found.map(|text| Verdict::note(CODE, text).about("without a reference")));
+        let directions = unobservable(without, " without a reference").into_iter();
+        lines.extend(directions.map(|text| Verdict::note(CODE, text).about("without a reference")));
     }
     lines
 }
@@ -117,27 +118,31 @@ pub fn unobservable(calibration: &Calibration, circumstance: &str) -> Vec<String
         .collect()
 }
 
-/// How well each scanner is known relative to the first.
+/// The precision of each scanner relative to the first.
 pub fn relative(calibration: &Calibration) -> Vec<String> {
     let all = calibration.relative();
     all.iter()
         .enumerate()
-        .filter_map(|(i, found)| sentence(calibration, i + 1, found))
+        .filter_map(|(i, relative)| sentence(calibration, i + 1, relative))
         .collect()
 }
 
-fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting) -> Option<String> {
-    let [length_m, angle_rad] = worst(&found.sigma);
+fn sentence(
+    calibration: &Calibration,
+    scanner: usize,
+    relative: &RelativeMounting,
+) -> Option<String> {
+    let [length_m, angle_rad] = worst(&relative.sigma);
     if length_m == 0.0 || angle_rad == 0.0 {
         return None;
     }
-    let own = [0, scanner].map(|i| {
+    let sigmas = [0, scanner].map(|i| {
         let convention = calibration.mountings[i].convention;
         worst(&calibration.sigmas(i, convention))
     });
     let times = [(0, length_m), (1, angle_rad)].map(|(k, relative)| {
-        // Of the scanner that is known better.
-        let least = own[0][k].min(own[1][k]);
+        // The smaller sigma, that of the scanner that is known better.
+        let least = sigmas[0][k].min(sigmas[1][k]);
         least / relative
     });
     let better = match times {
@@ -150,14 +155,14 @@ fn sentence(calibration: &Calibration, scanner: usize, found: &RelativeMounting)
     };
     Some(format!(
         "Scanner {} relative to scanner {}: known to ± {} and ± {}° or better{better}.",
-        found.name,
-        found.first,
+        relative.name,
+        relative.first,
         number::length(length_m),
         number::sigma(angle_rad.to_degrees())
     ))
 }
 
-/// The largest standard deviations of position and rotation; 0 where there are none.
+/// The largest standard deviations of position and rotation; 0 if there are none.
 fn worst(sigmas: &[Option<f64>; 6]) -> [f64; 2] {
     let largest = |part: &[Option<f64>]| part.iter().flatten().copied().fold(0.0, f64::max);
     [largest(&sigmas[..3]), largest(&sigmas[3..])]

@@ -1,5 +1,5 @@
-//! The reference: where it and the scans disagree, how high it lies, and what of its errors the standard deviations
-//! include.
+//! Verdicts on the reference: where it disagrees with the scans, its height, and which of its errors the standard
+//! deviations include.
 
 use crate::calibration::{Calibration, Method};
 use crate::joint::{Joint, JointReport};
@@ -7,7 +7,7 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::verdict::{Verdict, capitalised};
 
-/// Where scans and reference disagree, in the coordinates of the world.
+/// Verdicts on disagreements between scans and reference, with their places in world coordinates.
 pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
     let Some(joint) = calibrations.joint_found() else {
         return Vec::new();
@@ -21,30 +21,31 @@ pub fn disagreements(calibrations: &Calibrations) -> Vec<Verdict> {
     regions.chain(shift).collect()
 }
 
-/// A reference that lies higher or lower than the drive says.
+/// The verdict on a reference that is higher or lower than the drive implies.
 pub fn height(joint: &Joint) -> Option<Verdict> {
-    joint.reference_height().map(|found| {
+    joint.reference_height().map(|height| {
         let text = format!(
             "The reference lies {:.1} mm {} where the drive puts it (± {:.1} mm, by the slopes of boards): \
              check the height of the total station, the lever arm of the prism, and the registration. All \
              of it is in tz.",
-            1e3 * found.value.abs(),
-            if found.value > 0.0 { "above" } else { "below" },
-            1e3 * found.sigma
+            1e3 * height.value.abs(),
+            if height.value > 0.0 { "above" } else { "below" },
+            1e3 * height.sigma
         );
-        Verdict::fault("reference.height", text).with_value(found.value, Some(found.sigma))
+        Verdict::fault("reference.height", text).with_value(height.value, Some(height.sigma))
     })
 }
 
-/// Which errors of the whole reference the standard deviations include, where there are any.
+/// The errors of the whole reference that the standard deviations include; `None` without any.
 pub fn included(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
     let joint = joint?
         .accepted()
         .filter(|_| result.method == Method::Joint)?;
     let sigma = joint.reference.as_ref()?.prior;
-    let assumed = match sigma.assumed {
-        true => " (assumed: give reference.sigma_m and reference.sigma_deg)",
-        false => "",
+    let assumed = if sigma.assumed {
+        " (assumed: give reference.sigma_m and reference.sigma_deg)"
+    } else {
+        ""
     };
     (sigma.shift_m > 0.0 || sigma.tilt_rad > 0.0).then(|| {
         format!(

@@ -1,5 +1,5 @@
-//! The adjusted trajectory: convergence, residuals, noise, clocks, outages, constants; and the constants of the
-//! project that the drive contradicts.
+//! Verdicts on the adjusted trajectory: convergence, residuals, noise, clocks, outages, constants; and on the constants
+//! of the project that the drive contradicts.
 
 use crate::diagnostics::{
     NOTABLE_FACTOR, OUTAGE_FACTOR, PoseSigmas, chi_square_text, is_notable, sensor_name,
@@ -12,17 +12,17 @@ use crate::verdict::{Severity, Verdict, capitalised};
 /// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
 const NOISE_SCALE: &str = "imu.noise_scale";
 const CARE_NOISE: f64 = 3.0;
-/// Outages need attention where the standard deviation of the position exceeds this, metres.
+/// Outages need attention if the standard deviation of the position exceeds this, metres.
 const CARE_OUTAGE_M: f64 = 0.01;
-/// Share of the records of a sensor that are not used from which on that needs attention.
+/// A sensor needs attention if at least this share of its records is not used.
 const CARE_IGNORED: f64 = 0.2;
-/// A constant that is off by more than this is a fault: metres, seconds, radians, m/s².
+/// A constant whose error exceeds this is a fault: metres, seconds, radians, m/s².
 const FAULT_LEVER_ARM_M: f64 = 0.05;
 const FAULT_LATENCY_S: f64 = 0.03;
 const FAULT_OFFSET_RAD: f64 = 0.02;
 const FAULT_GRAVITY_M_S2: f64 = 0.1;
 
-/// A constant of the project that the drive contradicts.
+/// The verdict on a constant of the project that the drive contradicts.
 pub fn doubt(doubt: &Doubt) -> Verdict {
     let fault = match doubt.constant {
         Constant::LeverArm(_) => FAULT_LEVER_ARM_M,
@@ -30,9 +30,10 @@ pub fn doubt(doubt: &Doubt) -> Verdict {
         Constant::HeadingOffset => FAULT_OFFSET_RAD,
         _ => FAULT_GRAVITY_M_S2,
     };
-    let severity = match doubt.off() > fault && !doubt.is_used {
-        true => Severity::Fault,
-        false => Severity::Care,
+    let severity = if doubt.off() > fault && !doubt.is_used {
+        Severity::Fault
+    } else {
+        Severity::Care
     };
     let verdict = Verdict::new(severity, &doubt.name, capitalised(&doubt.describe()));
     match doubt.values.as_slice() {
@@ -62,7 +63,7 @@ fn spans_text(spans: &[(f64, f64)]) -> String {
     }
 }
 
-/// Statements about the adjustment.
+/// The verdicts on the adjustment.
 pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict> {
     let mut lines = Vec::new();
     let ended = format!(
@@ -71,12 +72,13 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         solution.iterations,
         number::count(solution.nodes)
     );
-    lines.push(match solution.converged {
-        true => Verdict::good("trajectory.convergence", ended),
-        false => Verdict::fault(
+    lines.push(if solution.converged {
+        Verdict::good("trajectory.convergence", ended)
+    } else {
+        Verdict::fault(
             "trajectory.convergence",
             format!("{ended} Its standard deviations are invalid."),
-        ),
+        )
     });
     let measuring = |s: &&SensorDiagnostics| matches!(s.unit, "m" | "rad");
     for sensor in sensors_shown(solution).filter(measuring) {
@@ -112,18 +114,19 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         }
     }
     let noise = solution.constants.iter().find(|c| c.name == NOISE_SCALE);
-    if let Some((found, sigma)) = noise.and_then(|found| Some((found, found.sigma?)))
-        && found.value > NOTABLE_FACTOR
+    if let Some((scale, sigma)) = noise.and_then(|scale| Some((scale, scale.sigma?)))
+        && scale.value > NOTABLE_FACTOR
     {
         let text = format!(
             "The IMU is {} times as noisy as its datasheet says (vibration?): its noise was scaled.",
-            number::significant(found.value, 2)
+            number::significant(scale.value, 2)
         );
-        let verdict = match found.value > CARE_NOISE {
-            true => Verdict::care(NOISE_SCALE, text),
-            false => Verdict::note(NOISE_SCALE, text),
+        let verdict = if scale.value > CARE_NOISE {
+            Verdict::care(NOISE_SCALE, text)
+        } else {
+            Verdict::note(NOISE_SCALE, text)
         };
-        lines.push(verdict.with_value(found.value, Some(sigma)));
+        lines.push(verdict.with_value(scale.value, Some(sigma)));
     }
     for jump in &solution.clock_jumps {
         let text = format!(
@@ -155,9 +158,10 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             spans_text(&spans),
             number::millimetres(worst_m)
         );
-        let severity = match worst_m > CARE_OUTAGE_M {
-            true => Severity::Care,
-            false => Severity::Note,
+        let severity = if worst_m > CARE_OUTAGE_M {
+            Severity::Care
+        } else {
+            Severity::Note
         };
         let verdict = Verdict::new(severity, "trajectory.outage", text);
         lines.push(verdict.with_value(worst_m, None));

@@ -6,7 +6,7 @@ use crate::number;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 use crate::verdict::Verdict;
 
-/// No error exceeds this many standard deviations by chance: 1 in 16 000 does.
+/// Errors do not exceed this many standard deviations by chance: only 1 in 16 000 does.
 const NEVER_BY_CHANCE: f64 = 4.0;
 
 /// Number of `all` errors that may exceed 1.96 σ by chance: 1 in 20, plus 1.96 binomial standard
@@ -16,7 +16,7 @@ fn outside_by_chance(all: usize) -> f64 {
     0.05 * n + NORMAL_97_5_ROUNDED * (n * 0.05 * 0.95).sqrt()
 }
 
-/// Errors against a known truth, and whether the standard deviations cover them.
+/// The verdict on the errors against a known truth, and whether the standard deviations cover them.
 pub fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Verdict> {
     let covariance = calibration.covariance.as_ref()?;
     let mut worst = [0.0f64; 2];
@@ -46,8 +46,11 @@ pub fn errors(calibration: &Calibration, truth: &[BodyFromScanner]) -> Option<Ve
     );
     let covered = outside as f64 <= outside_by_chance(all) && largest < NEVER_BY_CHANCE;
     const CODE: &str = "truth.errors";
-    (all > 0).then(|| match covered {
-        true => Verdict::good(CODE, text),
-        false => Verdict::fault(CODE, text),
+    (all > 0).then(|| {
+        if covered {
+            Verdict::good(CODE, text)
+        } else {
+            Verdict::fault(CODE, text)
+        }
     })
 }

@@ -64,9 +64,10 @@ fn sensors(solution: &Solution) -> String {
             ),
             None => DASH.to_owned(),
         };
-        let ignored = match with_ignored {
-            true => format!("<td>{}</td>", number::count(sensor.ignored)),
-            false => String::new(),
+        let ignored = if with_ignored {
+            format!("<td>{}</td>", number::count(sensor.ignored))
+        } else {
+            String::new()
         };
         let class = if is_notable(sensor) {
             "text out"
@@ -85,9 +86,10 @@ fn sensors(solution: &Solution) -> String {
             escape(&chi_square_text(sensor))
         ));
     }
-    let ignored = match with_ignored {
-        true => "<th scope=\"col\">ignored</th>",
-        false => "",
+    let ignored = if with_ignored {
+        "<th scope=\"col\">ignored</th>"
+    } else {
+        ""
     };
     let head = format!(
         "<tr><th scope=\"col\">sensor</th><th scope=\"col\">used</th><th scope=\"col\">rejected</th>{ignored}<th scope=\"col\">RMS</th><th scope=\"col\">RMS<br/><small>σ</small></th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">variance<br/>component</th><th scope=\"col\">χ²<br/><small>bounds</small></th><th scope=\"col\" class=\"text\">residuals are</th></tr>\n"
@@ -102,7 +104,7 @@ fn constants(solution: &Solution) -> String {
     let mut body = String::new();
     for constant in &solution.constants {
         let text = constant_text(constant);
-        let found = match &text.sigma {
+        let cell = match &text.sigma {
             Some(sigma) => format!(
                 "<td class=\"result\">{}<span class=\"sigma\">± {sigma}</span></td><td>{}</td><td class=\"text\"></td>",
                 text.value, text.start
@@ -113,7 +115,7 @@ fn constants(solution: &Solution) -> String {
             ),
         };
         body.push_str(&format!(
-            "<tr><th scope=\"row\">{}</th>{found}<td class=\"text\">{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th>{cell}<td class=\"text\">{}</td></tr>\n",
             escape(&constant.name),
             escape(text.unit)
         ));
@@ -127,9 +129,10 @@ fn constants(solution: &Solution) -> String {
 
 /// A time as in the log, without digit groups, so that it can be searched for.
 fn log_time(time_s: f64) -> String {
-    match time_s.is_finite() {
-        true => format!("{time_s:.3}"),
-        false => DASH.into(),
+    if time_s.is_finite() {
+        format!("{time_s:.3}")
+    } else {
+        DASH.into()
     }
 }
 

@@ -2,9 +2,9 @@
 
 use crate::number;
 
-/// No axis has room for more.
+/// Maximum number of ticks: no axis has room for more.
 const MAX_TICKS: i64 = 1000;
-/// Ticks that an axis has at least.
+/// Minimum number of ticks on an axis.
 const LEAST_TICKS: usize = 3;
 
 /// One axis.
@@ -66,7 +66,8 @@ impl Axis {
         number::nice_above((self.max - self.min) / wanted)
     }
 
-    /// Positions and texts of about `wanted` ticks, at least three where numbers allow: fewer do not tell a scale.
+    /// Positions and texts of about `wanted` ticks, at least three if the numbers allow it: fewer do not show the
+    /// scale.
     pub fn ticks(&self, wanted: f64) -> Vec<(f64, String)> {
         if self.log {
             return self.logarithmic_ticks(wanted);
@@ -86,7 +87,7 @@ impl Axis {
         let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize;
         let first = (self.min / step - 1e-6).ceil() as i64;
         let last = (self.max / step + 1e-6).floor() as i64;
-        // Ends that are too far apart to be subtracted have no ticks.
+        // An axis whose ends overflow the subtraction has no ticks.
         if last.saturating_sub(first) > MAX_TICKS {
             return Vec::new();
         }
@@ -103,9 +104,10 @@ impl Axis {
         let low = self.min.log10().floor() as i32;
         let high = self.max.log10().ceil() as i32;
         let inside = |v: f64| v >= self.min * (1.0 - 1e-9) && v <= self.max * (1.0 + 1e-9);
-        let text = |v: f64| match (1e-3..1e5).contains(&v) {
-            true => number::shortest(v),
-            false => {
+        let text = |v: f64| {
+            if (1e-3..1e5).contains(&v) {
+                number::shortest(v)
+            } else {
                 let exponent = (v.log10() + 1e-9).floor();
                 match (v / 10f64.powf(exponent)).round() {
                     1.0 => number::power(exponent as i32),

@@ -1,4 +1,4 @@
-//! Figures of mountings that move: along the drive, and against roll and pitch with what the load explains.
+//! Figures of mountings that move: along the drive, and against roll and pitch with the part that the load explains.
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
@@ -9,14 +9,14 @@ use crate::joint::{AdjustedDrive, Compliance, Joint, MovedMounting};
 use crate::number;
 use crate::statistics::rms;
 
-/// Most dots of a parameter.
+/// Maximum number of dots for a parameter.
 const DOTS: usize = 300;
 /// Height of a chart.
 const HEIGHT: f64 = 240.0;
-/// Vertices of the curve of the load.
+/// Number of vertices of the curve of the load.
 const CURVE: usize = 40;
 
-/// Rotations or shifts: their place among the offsets (δφ, δp), label and names, and the factor to their unit.
+/// Rotations or shifts: their index among the offsets (δφ, δp), label and names, and the factor to their unit.
 struct Kind {
     first: usize,
     label: &'static str,
@@ -39,7 +39,7 @@ const KINDS: [Kind; 2] = [
     },
 ];
 
-/// All figures of the project's own drive; empty where mountings are rigid.
+/// All figures of the project's own drive; empty if mountings are rigid.
 pub fn figures(joint: &Joint) -> String {
     let Some(drive) = joint.drives.first() else {
         return String::new();
@@ -50,9 +50,10 @@ pub fn figures(joint: &Joint) -> String {
         of_scanner(&mounting.name, drive, moved, compliance)
     });
     let figures: String = figures.collect();
-    match figures.is_empty() {
-        true => figures,
-        false => format!("<h3>How the mountings moved</h3>\n{figures}"),
+    if figures.is_empty() {
+        figures
+    } else {
+        format!("<h3>How the mountings moved</h3>\n{figures}")
     }
 }
 
@@ -94,12 +95,12 @@ fn of_scanner(
     )
 }
 
-/// One of so many samples has a dot.
+/// Number of samples per dot.
 fn every(moved: &MovedMounting) -> usize {
     moved.offsets.samples().count().div_ceil(DOTS).max(1)
 }
 
-/// What offsets are drawn against.
+/// The quantity against which offsets are drawn.
 #[derive(Clone, Copy)]
 enum Against {
     Time,

@@ -1,4 +1,4 @@
-//! The page of a campaign: quality over time, what changed from date to date, what failed and why.
+//! The page of a campaign: quality over time, changes between dates, failures and their reasons.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,12 +15,12 @@ use crate::number::{self, DASH};
 use crate::statistics::median;
 use crate::verdict::Headline;
 
-/// Plots of a table that is not folded.
+/// Most plots of a table that is not folded.
 const FEW_PLOTS: usize = 40;
-/// Lines of a chart that keep their own colour.
+/// Number of lines of a chart with a colour of their own.
 const COLOURS: usize = 6;
 
-/// What a campaign's page shows.
+/// The content of a campaign's page.
 #[derive(Debug, Clone, Default)]
 pub struct CampaignPage {
     /// Heading.
@@ -33,9 +33,9 @@ pub struct CampaignPage {
     pub changes: Vec<ChangeLine>,
     /// Items that failed.
     pub failures: Vec<FailureLine>,
-    /// Items that were not tried yet.
+    /// Number of items that were not tried yet.
     pub waiting: usize,
-    /// The drift watch, where it was asked for.
+    /// The drift watch, if it was asked for.
     pub drift: Option<Chart>,
     /// The index of the tiles, relative to the page, if it was written.
     pub index: Option<String>,
@@ -52,9 +52,9 @@ pub struct DriveLine {
     pub page: String,
     /// Number of its points.
     pub points: u64,
-    /// What is said about it as a whole.
+    /// Headline of the drive as a whole.
     pub headline: Headline,
-    /// What to take care of.
+    /// Texts of the verdicts that need attention.
     pub marked: Vec<String>,
     /// Names of clouds that were compared and the root mean square of their distances, metres.
     pub agreement: Vec<(String, f64)>,
@@ -84,9 +84,9 @@ pub struct ChangeLine {
 pub struct FailureLine {
     /// `drive p1 2025-05-01`
     pub item: String,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
-    /// What can be done about it.
+    /// The remedy, if there is one.
     pub remedy: Option<String>,
 }
 
@@ -120,25 +120,25 @@ pub fn render(page: &CampaignPage) -> String {
     document(&title, &header, &body)
 }
 
-/// How much was done, in one line of words.
+/// The progress of the campaign in one line.
 fn summary(page: &CampaignPage) -> String {
     let distinct = |pick: &dyn Fn(&DriveLine) -> String| {
         page.drives.iter().map(pick).collect::<BTreeSet<_>>().len()
     };
     let (plots, dates) = (distinct(&|d| d.plot.clone()), distinct(&|d| d.date.clone()));
     let points: u64 = page.drives.iter().map(|drive| drive.points).sum();
-    let of = |headline| {
+    let count_of = |headline| {
         page.drives
             .iter()
             .filter(|d| d.headline == headline)
             .count()
     };
-    let unusable = of(Headline::Unusable);
+    let unusable = count_of(Headline::Unusable);
     let drifted = page.drift.iter().flat_map(judgement::drift);
     let drifted = drifted
         .filter(|verdict| verdict.severity.is_marked())
         .count();
-    let attention = of(Headline::Care) + page.failures.len() + drifted;
+    let attention = count_of(Headline::Care) + page.failures.len() + drifted;
     let class = match (unusable, attention) {
         (0, 0) => "good",
         (0, _) => "attention",
@@ -146,7 +146,7 @@ fn summary(page: &CampaignPage) -> String {
     };
     let mut marked = String::new();
     for (number, word) in [
-        (of(Headline::Care), "to take care of"),
+        (count_of(Headline::Care), "to take care of"),
         (unusable, "not usable"),
     ] {
         if number > 0 {
@@ -306,9 +306,10 @@ fn changes(all: &[ChangeLine]) -> String {
         "Distance of each plot from its date before, along the normal and upwards positive: a dot is a plot, the line goes through the medians of a date.",
     );
     let row = |line: &ChangeLine| {
-        let share = match line.significant_share.is_nan() {
-            true => DASH.to_owned(),
-            false => number::fixed(100.0 * line.significant_share, 0) + " %",
+        let share = if line.significant_share.is_nan() {
+            DASH.to_owned()
+        } else {
+            number::fixed(100.0 * line.significant_share, 0) + " %"
         };
         format!(
             "<tr><th scope=\"row\">{}</th><td>{}</td><td><a href=\"{}\">{}</a></td><td>{}</td><td>{}</td><td>{share}</td></tr>\n",
@@ -332,7 +333,7 @@ fn changes(all: &[ChangeLine]) -> String {
     figure + &html::details("Every plot and date", &html::table("numbers", &head, &rows))
 }
 
-/// A table of plots by dates; every cell leads to the page of the drive.
+/// A table of plots by dates; every cell links to the page of the drive.
 fn plots(page: &CampaignPage) -> String {
     let dates: BTreeSet<&str> = page
         .drives
@@ -374,28 +375,29 @@ fn plots(page: &CampaignPage) -> String {
     heads.extend(&dates);
     let table = html::table("numbers", &html::head(&heads), &body);
     let note = "<p class=\"note\">✓ usable, ! take care, ✗ not usable, – none or failed. Each leads to the page of the drive.</p>\n";
-    match rows.len() <= FEW_PLOTS {
-        true => table + note,
-        false => html::details(&count(rows.len(), "plot"), &(table + note)),
+    if rows.len() <= FEW_PLOTS {
+        table + note
+    } else {
+        html::details(&count(rows.len(), "plot"), &(table + note))
     }
 }
 
-/// What is said of drives, each statement once with the number of drives.
+/// The verdicts on drives, each statement once with the number of drives.
 fn care(drives: &[DriveLine]) -> String {
-    let mut said: Vec<(&str, Vec<String>)> = Vec::new();
+    let mut statements: Vec<(&str, Vec<String>)> = Vec::new();
     for drive in drives {
         for text in &drive.marked {
             let name = format!("{} {}", drive.plot, drive.date);
-            match said.iter_mut().find(|(other, _)| other == text) {
+            match statements.iter_mut().find(|(other, _)| other == text) {
                 Some((_, names)) => names.push(name),
-                None => said.push((text, vec![name])),
+                None => statements.push((text, vec![name])),
             }
         }
     }
-    if said.is_empty() {
+    if statements.is_empty() {
         return String::new();
     }
-    said.sort_by_key(|(_, names)| std::cmp::Reverse(names.len()));
+    statements.sort_by_key(|(_, names)| std::cmp::Reverse(names.len()));
     let row = |(text, names): &(&str, Vec<String>)| {
         let more = match names.len() {
             1 => String::new(),
@@ -407,15 +409,16 @@ fn care(drives: &[DriveLine]) -> String {
             escape(text)
         )
     };
-    let rows: String = said.iter().map(row).collect();
+    let rows: String = statements.iter().map(row).collect();
     let table = html::table(
         "numbers words",
         &html::head(&["drive", "what is said"]),
         &rows,
     );
-    match said.len() <= FEW_PLOTS {
-        true => table,
-        false => html::details(&count(said.len(), "statement"), &table),
+    if statements.len() <= FEW_PLOTS {
+        table
+    } else {
+        html::details(&count(statements.len(), "statement"), &table)
     }
 }
 

@@ -95,7 +95,7 @@ impl Plot {
         let spare = inner_height / unit - (y.max - y.min);
         y.min -= 0.5 * spare;
         y.max += 0.5 * spare;
-        // The margin depends on the tick texts. Both scales stay equal only if it is kept.
+        // The margin depends on the tick texts. Both axes keep the same scale only if the margin is kept.
         let left = width - RIGHT - inner_width;
         let mut plot = Self {
             width,
@@ -140,7 +140,7 @@ impl Plot {
     fn draw_x_axis(&mut self) {
         let (top, bottom) = (TOP, self.height - BOTTOM);
         let inner = self.width - self.left - RIGHT;
-        // As many ticks as there is room for their texts.
+        // The largest number of ticks whose texts have room.
         let widest = |ticks: &[(f64, String)]| {
             let longest = ticks.iter().map(|(_, text)| text.chars().count()).max();
             longest.unwrap_or(1) as f64 * DIGIT + 24.0

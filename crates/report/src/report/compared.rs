@@ -1,11 +1,12 @@
-//! Comparisons for tests.
+//! Comparisons for unit tests.
 
 use crate::comparison::{
     Against, Agreement, CoreDistance, DistanceMap, M3c2, MountingKind, Statistics,
 };
 use crate::geometry::Vec3;
 
-/// The left scanner and the reference, of core points along x: place, distance and level of detection, metres.
+/// A comparison of the left scanner with the reference, with core points along x: place, distance and level of
+/// detection, metres.
 pub fn agreement(core: &[[f64; 3]]) -> Agreement {
     let core = core.iter().map(|[x, distance_m, level_m]| CoreDistance {
         point: Vec3::new(*x, 0.0, 0.0),

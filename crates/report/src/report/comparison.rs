@@ -1,5 +1,5 @@
-//! The comparison of two clouds that are no result of a run: numbers, histogram, and maps of the distances and
-//! of their levels of detection.
+//! The comparison of two clouds outside of a run: numbers, histogram, and maps of the distances and of their levels of
+//! detection.
 
 use super::content::Comparison;
 use super::html::{self, escape};
@@ -10,25 +10,25 @@ use crate::number;
 /// Share of the levels of detection within the colours of their map, percent.
 const SHOWN_PERCENT: usize = 97;
 
-/// Numbers, then the maps side by side; empty without a distance.
+/// Numbers, then the maps side by side; empty without distances.
 pub fn section(comparison: &Comparison) -> String {
-    let found = &comparison.found;
-    let positions = core(found).map(|(place, _)| place);
+    let agreement = &comparison.found;
+    let positions = core(agreement).map(|(place, _)| place);
     let Some(bounds) = Bounds::around(positions) else {
         return String::new();
     };
-    let limit_m = limit_m(found);
+    let limit_m = limit_m(agreement);
     let mut cells = cell(
         "distances",
         ("colours to ±", limit_m),
-        top_view("distances", found, bounds, limit_m) + &histogram(found, limit_m),
+        top_view("distances", agreement, bounds, limit_m) + &histogram(agreement, limit_m),
     );
-    let levels_m: Vec<f64> = found.distances.levels_of_detection_m().collect();
+    let levels_m: Vec<f64> = agreement.distances.levels_of_detection_m().collect();
     let mut known: Vec<f64> = levels_m.iter().copied().filter(|m| m.is_finite()).collect();
     known.sort_by(f64::total_cmp);
     if let Some(most) = known.get(known.len() * SHOWN_PERCENT / 100) {
         let most_m = number::nice_above(most.max(1e-4));
-        let places = core(found).map(|(place, _)| place);
+        let places = core(agreement).map(|(place, _)| place);
         let points: Vec<([f64; 2], f64)> = places.zip(levels_m).collect();
         let map = map_of("Map of the levels of detection", &points, bounds, most_m);
         cells.push_str(&cell("level of detection", ("darkest at", most_m), map));
@@ -38,7 +38,7 @@ pub fn section(comparison: &Comparison) -> String {
          is positive where {} lies beyond {} in the direction of the normal. Where nothing has changed, 5 % of the \
          distances are larger than their own level of detection.</p>\n",
         numbers(comparison),
-        escape(&found.scanner),
+        escape(&agreement.scanner),
         escape(&comparison.reference),
     )
 }
@@ -48,13 +48,14 @@ fn cell(name: &str, (sign, limit_m): (&str, f64), figures: String) -> String {
     format!("<div><h4>{name} <small>{sign} {limit}</small></h4>\n{figures}</div>\n")
 }
 
-/// Each number, and what it is.
+/// The statistics, each with its definition.
 fn numbers(comparison: &Comparison) -> String {
     let statistics = &comparison.found.statistics;
     let length = |metres: f64| number::with_unit(number::millimetres(metres), "mm");
-    let share = match statistics.significant_share.is_nan() {
-        true => number::DASH.to_owned(),
-        false => number::fixed(100.0 * statistics.significant_share, 1) + " %",
+    let share = if statistics.significant_share.is_nan() {
+        number::DASH.to_owned()
+    } else {
+        number::fixed(100.0 * statistics.significant_share, 1) + " %"
     };
     let rows = [
         (

@@ -23,27 +23,27 @@ pub struct Content<'a> {
     pub project: String,
     /// Seed of every random draw.
     pub seed: Option<u64>,
-    /// Who made it.
+    /// Author of the report.
     pub imprint: Imprint,
-    /// Their logo as a data URI.
+    /// Logo of the author as a data URI.
     pub logo: Option<String>,
-    /// When the results were found, seconds since 1970.
+    /// When the results were computed, seconds since 1970.
     pub made_s: Option<f64>,
     /// Inputs: one line per sensor, drive or notable setting.
     pub inputs: Vec<Fact>,
-    /// Names of those of the [`csv::FILES`](super::csv::FILES) that stand beside the page.
+    /// Names of the [`csv::FILES`](super::csv::FILES) that were written beside the page.
     pub csv: Vec<&'static str>,
     /// The files that were read.
     pub files: &'a [InputFile],
     /// Where the sensors are on the body.
     pub platform: Option<Platform>,
-    /// The calibration, and what it is compared with.
+    /// The calibration, with the values that it is compared with.
     pub calibrations: Option<Calibrations<'a>>,
     /// Two clouds compared by themselves.
     pub comparison: Option<Comparison>,
     /// The calibration drive, then the others.
     pub drives: &'a [Drive],
-    /// The clouds of each drive for the viewer; empty where a page has no viewer.
+    /// The clouds of each drive for the viewer; empty if the page has no viewer.
     pub scenes: &'a [Option<Scene>],
     /// The thinned reference, world frame, metres; higher points are drawn darker.
     pub background_m: &'a [Vec3],
@@ -62,7 +62,7 @@ pub struct Content<'a> {
 pub struct Comparison {
     /// Name of the reference.
     pub reference: String,
-    /// What was found, under the name of the cloud.
+    /// The comparison, under the name of the cloud.
     pub found: Agreement,
 }
 
@@ -73,7 +73,7 @@ pub struct Platform {
     pub axes: BodyAxes,
     /// Prisms and antennas, in the body frame, metres.
     pub marks: Vec<(String, Vec3)>,
-    /// The far end of each scanner's field of view, in its frame, metres; empty where it is no fan.
+    /// The far end of each scanner's field of view, in its frame, metres; empty if it is not a fan.
     pub outlines_m: Vec<Vec<Vec3>>,
 }
 
@@ -84,7 +84,7 @@ pub struct InputFile {
     pub path: String,
     /// Its size.
     pub bytes: u64,
-    /// XXH128 of its content, as `xxhsum -H2` prints it; `None` where it could not be read.
+    /// XXH128 of its content, as `xxhsum -H2` prints it; `None` if it could not be read.
     pub xxh128: Option<u128>,
 }
 

@@ -1,4 +1,4 @@
-//! Convergence of the adjustments: methods side by side, and scale by scale.
+//! Convergence of the adjustments: methods side by side, then by scale.
 
 use super::axis::{Axis, decimate};
 use super::chart::Plot;
@@ -47,8 +47,8 @@ impl Run<'_> {
         }
     }
 
-    /// Cells of the largest errors after a scale, of the observable translations and of the
-    /// rotations; empty without a truth.
+    /// Cells of the largest errors of the observable translations and of the rotations after a scale; empty if the
+    /// truth is not known.
     fn errors(&self, scale: Option<&Scale>) -> String {
         let Some(truth) = self.truth else {
             return String::new();
@@ -56,9 +56,9 @@ impl Run<'_> {
         let (mut length_m, mut angle_rad) = (0.0f64, 0.0f64);
         let mountings = scale.iter().flat_map(|scale| &scale.mountings);
         for (scanner, (mounting, truth)) in mountings.zip(truth).enumerate() {
-            let found = &mounting.body_from_scanner;
-            let shift = found.translation_m - truth.translation_m;
-            let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+            let estimated = &mounting.body_from_scanner;
+            let shift = estimated.translation_m - truth.translation_m;
+            let turn = so3::log(&(estimated.rotation * truth.rotation.inverse()));
             for axis in (0..3).filter(|&axis| self.found.is_observable(scanner, axis)) {
                 length_m = length_m.max(shift[axis].abs());
             }
@@ -74,15 +74,15 @@ impl Run<'_> {
 
 fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     let truth = calibrations.mountings(MountingKind::Truth);
-    let of = |label, found| Run {
+    let run = |label, found| Run {
         label,
         found,
         truth,
     };
     let two_steps = calibrations.two_steps();
     let result = match calibrations.result.method {
-        Method::Paper => Some(of("as in the paper", calibrations.result)),
-        _ => two_steps.map(|found| of("two steps", found)),
+        Method::Paper => Some(run("as in the paper", calibrations.result)),
+        _ => two_steps.map(|calibration| run("two steps", calibration)),
     };
     let variants = [
         (Variant::Paper, "as in the paper"),
@@ -90,13 +90,13 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
         (Variant::ExactPoses, "two steps with exact poses"),
     ];
     let variants = variants.into_iter().filter_map(|(variant, label)| {
-        let found = calibrations.variant(variant)?;
-        Some(of(label, found))
+        let calibration = calibrations.variant(variant)?;
+        Some(run(label, calibration))
     });
     result.into_iter().chain(variants).collect()
 }
 
-/// The whole section: comparison, the chart of every method, and scale by scale.
+/// The whole section: comparison, a chart for each method, and the table of scales.
 pub fn section(calibrations: &Calibrations) -> String {
     let runs = &runs(calibrations);
     let mut charts = runs.iter().map(chart);
@@ -111,11 +111,10 @@ pub fn section(calibrations: &Calibrations) -> String {
 }
 
 fn error_heads(runs: &[Run]) -> &'static str {
-    match runs.iter().any(|run| run.truth.is_some()) {
-        true => {
-            "<th scope=\"col\">largest error<br/><small>mm</small></th><th scope=\"col\">largest error<br/><small>°</small></th>"
-        }
-        false => "",
+    if runs.iter().any(|run| run.truth.is_some()) {
+        "<th scope=\"col\">largest error<br/><small>mm</small></th><th scope=\"col\">largest error<br/><small>°</small></th>"
+    } else {
+        ""
     }
 }
 
@@ -137,9 +136,10 @@ fn comparison(runs: &[Run]) -> String {
                 number::voxel(last.voxel_m)
             ),
         };
-        let class = match run.found.converged {
-            true => "text",
-            false => "text out",
+        let class = if run.found.converged {
+            "text"
+        } else {
+            "text out"
         };
         let ended = scales.last().map(|scale| scale.ending.to_string());
         body.push_str(&format!(

@@ -1,7 +1,7 @@
-//! The numbers behind the figures as CSV files: in full where figures thin them, those of maps as means over cells.
+//! The numbers behind the figures as CSV files: in full where figures thin them out, and means over cells for maps.
 //!
-//! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. A value
-//! that is not known is empty.
+//! Lengths are in metres, angles in radians unless a name says degrees, times in seconds on the common clock. Unknown
+//! values are empty.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ use crate::results::{Calibrations, Drive};
 /// Folder of the files, beside the page.
 pub const FOLDER: &str = "figures";
 
-/// Cells of maps along the longer side of a field, at most.
+/// Maximum number of cells of a map along the longer side of a field.
 const CELLS: f64 = 200.0;
 
 /// The mountings whose distances are drawn, with their columns.
@@ -29,7 +29,7 @@ const KINDS: [(MountingKind, &str); 3] = [
     (MountingKind::Final, "result"),
 ];
 
-/// A file and the section of the page whose figures it is behind.
+/// A file, with the section of the page whose figures it belongs to.
 pub struct File {
     /// Its name in [`FOLDER`].
     pub name: &'static str,
@@ -86,19 +86,21 @@ const fn file(name: &'static str, section: &'static str, text: fn(&Content) -> S
     }
 }
 
-/// A number in a cell; empty where it is not known.
+/// A number in a cell; empty if it is not known.
 fn cell(value: f64, decimals: usize) -> String {
-    match value.is_finite() {
-        true => format!("{value:.decimals$}"),
-        false => String::new(),
+    if value.is_finite() {
+        format!("{value:.decimals$}")
+    } else {
+        String::new()
     }
 }
 
 /// A text in a cell.
 fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 
@@ -115,8 +117,8 @@ fn distances(drives: &[Drive]) -> String {
     let mut out = format!("drive,clouds,east_m,north_m,cell_m,{}\n", names.join(","));
     let empty = out.len();
     for drive in drives {
-        for found in drive.agreements.pairs() {
-            of_pair(&drive.name, found, &mut out);
+        for pair in drive.agreements.pairs() {
+            of_pair(&drive.name, pair, &mut out);
         }
     }
     if out.len() > empty {
@@ -131,13 +133,15 @@ fn distances(drives: &[Drive]) -> String {
 struct Cell {
     count: usize,
     distance_m: f64,
-    /// Of the core points with one.
+    /// Number of core points with a level of detection.
     levels: usize,
     level_m: f64,
 }
 
-fn of_pair(drive: &str, found: &[Agreement], out: &mut String) {
-    let places = found.iter().flat_map(|one| one.distances.points());
+fn of_pair(drive: &str, agreements: &[Agreement], out: &mut String) {
+    let places = agreements
+        .iter()
+        .flat_map(|agreement| agreement.distances.points());
     let Some(bounds) = Bounds::around(places.map(|(p, _)| [p.x, p.y])) else {
         return;
     };
@@ -145,9 +149,14 @@ fn of_pair(drive: &str, found: &[Agreement], out: &mut String) {
     let cell_m = nice_above(east.max(north) / CELLS);
     let mut cells: BTreeMap<[i64; 2], [Cell; KINDS.len()]> = BTreeMap::new();
     for (column, (kind, _)) in KINDS.iter().enumerate() {
-        for one in found.iter().filter(|one| one.mounting == *kind) {
-            let points = one.distances.points();
-            for ((p, distance_m), level_m) in points.zip(one.distances.levels_of_detection_m()) {
+        for agreement in agreements
+            .iter()
+            .filter(|agreement| agreement.mounting == *kind)
+        {
+            let points = agreement.distances.points();
+            for ((p, distance_m), level_m) in
+                points.zip(agreement.distances.levels_of_detection_m())
+            {
                 let key = [p.x, p.y].map(|x| (x / cell_m).floor() as i64);
                 let cell = &mut cells.entry(key).or_default()[column];
                 cell.count += 1;
@@ -159,15 +168,15 @@ fn of_pair(drive: &str, found: &[Agreement], out: &mut String) {
             }
         }
     }
-    let start = [quoted(drive), quoted(&found[0].pair())];
+    let start = [quoted(drive), quoted(&agreements[0].pair())];
     for (key, known) in cells {
         let mut line = start.to_vec();
         line.extend(key.map(|x| cell((x as f64 + 0.5) * cell_m, 4)));
         line.push(shortest(cell_m));
-        for one in known {
-            line.push(one.count.to_string());
-            line.push(cell(one.distance_m / one.count as f64, 6));
-            line.push(cell(one.level_m / one.levels as f64, 6));
+        for sums in known {
+            line.push(sums.count.to_string());
+            line.push(cell(sums.distance_m / sums.count as f64, 6));
+            line.push(cell(sums.level_m / sums.levels as f64, 6));
         }
         row(out, &line);
     }
@@ -182,8 +191,8 @@ fn calibrations<'a>(all: &Calibrations<'a>) -> Vec<(&'static str, &'a Calibratio
         (Variant::ExactPoses, "two steps with exact poses"),
     ];
     let variants = names.into_iter().filter_map(|(variant, name)| {
-        let found = all.variant(variant)?;
-        Some((name, found))
+        let calibration = all.variant(variant)?;
+        Some((name, calibration))
     });
     std::iter::once(("result", all.result))
         .chain(variants)
@@ -206,12 +215,12 @@ fn sigmas(all: &Calibrations) -> String {
         let _ = write!(out, ",correlation {name}");
     }
     out.push('\n');
-    for (name, found) in calibrations(all) {
-        let Some(correlation) = found.correlation() else {
+    for (name, calibration) in calibrations(all) {
+        let Some(correlation) = calibration.correlation() else {
             continue;
         };
-        for (scanner, mounting) in found.mountings.iter().enumerate() {
-            let sigmas = precision::sigmas(found, scanner);
+        for (scanner, mounting) in calibration.mountings.iter().enumerate() {
+            let sigmas = precision::sigmas(calibration, scanner);
             for (i, (parameter, sigma)) in parameters.iter().zip(sigmas).enumerate() {
                 let at = 6 * scanner + i;
                 let mut cells = vec![
@@ -231,11 +240,11 @@ fn sigmas(all: &Calibrations) -> String {
 
 /// Mean residuals along the drive.
 fn blocks(all: &Calibrations) -> String {
-    let Some(found) = &all.result.constancy else {
+    let Some(constancy) = &all.result.constancy else {
         return String::new();
     };
     let mut out = String::from("scanner,time_s,mean_m,expected_sigma_m\n");
-    for (mounting, list) in all.result.mountings.iter().zip(&found.blocks) {
+    for (mounting, list) in all.result.mountings.iter().zip(&constancy.blocks) {
         for block in list {
             let name = quoted(&mounting.name);
             let values = [
@@ -309,7 +318,7 @@ fn residuals(drives: &[Drive]) -> String {
         for (sensor, list) in solution.sensors.iter().zip(&solution.residuals) {
             for residual in list {
                 for (i, value) in residual.values.iter().enumerate() {
-                    let of = |values: &[f64]| values.get(i).copied().unwrap_or(f64::NAN);
+                    let component_of = |values: &[f64]| values.get(i).copied().unwrap_or(f64::NAN);
                     let component = component_name(&sensor.name, residual.values.len(), i);
                     row(
                         &mut out,
@@ -321,8 +330,8 @@ fn residuals(drives: &[Drive]) -> String {
                             quoted(&component),
                             sensor.unit.to_owned(),
                             cell(*value, 7),
-                            cell(of(&residual.normalised), 4),
-                            cell(of(&residual.tests), 4),
+                            cell(component_of(&residual.normalised), 4),
+                            cell(component_of(&residual.tests), 4),
                             cell(residual.weight, 4),
                         ],
                     );
@@ -337,7 +346,7 @@ fn residuals(drives: &[Drive]) -> String {
     }
 }
 
-/// What the joint adjustment changed of the poses.
+/// The changes of the poses by the joint adjustment.
 fn moved(all: &Calibrations) -> String {
     let Some(joint) = all.joint_found() else {
         return String::new();
@@ -359,8 +368,8 @@ fn moved(all: &Calibrations) -> String {
 /// The cost of every iteration.
 fn convergence(all: &Calibrations) -> String {
     let mut out = String::from("calibration,voxel_m,iteration,neighbourhoods,cost\n");
-    for (name, found) in calibrations(all) {
-        for scale in &found.scales {
+    for (name, calibration) in calibrations(all) {
+        for scale in &calibration.scales {
             for (iteration, cost) in scale.costs.iter().enumerate() {
                 row(
                     &mut out,
@@ -393,9 +402,9 @@ mod tests {
 
     #[test]
     fn cells_of_a_map_have_means() {
-        let found = agreement(&[[0.0, 1e-3, 2e-3], [1e-4, 3e-3, 2e-3], [9.97, -1e-3, 2e-3]]);
+        let agreement = agreement(&[[0.0, 1e-3, 2e-3], [1e-4, 3e-3, 2e-3], [9.97, -1e-3, 2e-3]]);
         let mut out = String::new();
-        of_pair("drive-1", &[found], &mut out);
+        of_pair("drive-1", &[agreement], &mut out);
         let lines: Vec<&str> = out.lines().collect();
         assert_eq!(
             lines,

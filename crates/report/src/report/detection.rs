@@ -1,5 +1,4 @@
-//! How small a distance the clouds can show, and where they show none: maps of the level of detection and of what
-//! is covered.
+//! Maps of the level of detection, which is the smallest distance that the clouds can show, and of their coverage.
 
 use super::html::{self, escape};
 use super::maps::{PIXELS, plan};
@@ -10,16 +9,16 @@ use crate::number;
 use crate::results::Drive;
 use crate::statistics::quantile;
 
-/// What is not covered.
+/// The colour of uncovered ground.
 const BARE: [u8; 4] = [128, 128, 128, 110];
 
-/// A map for each pair of clouds of the first drive with the mountings found; empty without distances.
+/// A map for each pair of clouds of the first drive with the estimated mountings; empty without distances.
 pub fn maps(drives: &[Drive], background_m: &[Vec3]) -> String {
-    let found = drives.iter().take(1).flat_map(|drive| {
+    let panels = drives.iter().take(1).flat_map(|drive| {
         let all = drive.agreements.under(MountingKind::Final);
-        all.map(|found| panel(found, background_m))
+        all.map(|agreement| panel(agreement, background_m))
     });
-    let panels: String = found.collect();
+    let panels: String = panels.collect();
     if panels.is_empty() {
         return panels;
     }
@@ -30,14 +29,14 @@ pub fn maps(drives: &[Drive], background_m: &[Vec3]) -> String {
     format!("<h3>How small a distance can be seen</h3>\n{figure}")
 }
 
-fn panel(found: &Agreement, background_m: &[Vec3]) -> String {
-    let points = found.distances.points();
-    let levels = points.zip(found.distances.levels_of_detection_m());
+fn panel(agreement: &Agreement, background_m: &[Vec3]) -> String {
+    let points = agreement.distances.points();
+    let levels = points.zip(agreement.distances.levels_of_detection_m());
     let known: Vec<([f64; 2], f64, f64)> = levels
         .map(|((p, distance_m), level_m)| ([p.x, p.y], distance_m, level_m))
         .filter(|(_, _, level_m)| level_m.is_finite())
         .collect();
-    let ground: Vec<[f64; 2]> = match found.against {
+    let ground: Vec<[f64; 2]> = match agreement.against {
         Against::Reference => background_m.iter().map(|p| [p.x, p.y]).collect(),
         Against::Scanner(_) => Vec::new(),
     };
@@ -68,12 +67,12 @@ fn panel(found: &Agreement, background_m: &[Vec3]) -> String {
     let percent = |share: f64| number::with_unit(number::fixed(100.0 * share, 0), "%");
     format!(
         "<div><h4>{} <small>median {}; {} of the field covered; {} of the distances exceed it</small></h4>\n{}{scale}</div>\n",
-        escape(&found.pair()),
+        escape(&agreement.pair()),
         number::with_unit(number::millimetres(median_m), "mm"),
-        percent(found.coverage),
+        percent(agreement.coverage),
         percent(beyond as f64 / known.len() as f64),
         plan(
-            &format!("Level of detection, {}", found.pair()),
+            &format!("Level of detection, {}", agreement.pair()),
             bounds,
             &images
         ),
@@ -88,17 +87,17 @@ mod tests {
     #[test]
     fn the_map_tells_what_is_covered_and_what_exceeds() {
         let core = |i| [f64::from(i), if i < 3 { 2e-3 } else { 0.0 }, 1e-3];
-        let found = Agreement {
+        let agreement = Agreement {
             coverage: 0.5,
             ..agreement(&(0..10).map(core).collect::<Vec<_>>())
         };
-        let text = panel(&found, &[Vec3::new(20.0, 0.0, 0.0)]);
+        let text = panel(&agreement, &[Vec3::new(20.0, 0.0, 0.0)]);
         assert!(
             text.contains("30\u{202f}%") || text.contains("30 %") || text.contains("30\u{a0}%"),
             "{text}"
         );
         assert_eq!(text.matches("<image").count(), 2);
-        let alone = panel(&found, &[]);
+        let alone = panel(&agreement, &[]);
         assert_eq!(alone.matches("<image").count(), 1);
     }
 }

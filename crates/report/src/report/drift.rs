@@ -10,12 +10,12 @@ use crate::judgement;
 use crate::number;
 
 const HEIGHT: f64 = 240.0;
-/// Bands are so many standard deviations wide on either side.
+/// Half width of the bands, standard deviations.
 const BAND: f64 = 2.0;
-/// Room for a date below an axis.
+/// Width of a date below an axis.
 const DATE: f64 = 96.0;
 
-/// Positions or rotations: their place among the components, label, and factor to their unit.
+/// Positions or rotations: their indices among the components, label, and factor to their unit.
 struct Kind {
     first: usize,
     label: &'static str,
@@ -35,7 +35,7 @@ const KINDS: [Kind; 2] = [
     },
 ];
 
-/// The section of the page: what the chart says, and its figures.
+/// The section of the page: the verdicts on the chart, and its figures.
 pub fn section(chart: &Chart) -> String {
     let mut body = html::verdicts(&judgement::drift(chart));
     for scanner in &chart.scanners {
@@ -59,7 +59,7 @@ fn numbers(scanner: &ScannerChart) -> Vec<f64> {
         .collect()
 }
 
-/// A chart over dates, as many of them written as there is room for.
+/// A chart over dates, with as many date labels as there is room for.
 fn over_dates(width: f64, scanner: &ScannerChart, y: Axis) -> Plot {
     let numbers = numbers(scanner);
     let mut x = Axis::over("date", numbers.iter().copied());
@@ -91,20 +91,20 @@ fn over_dates(width: f64, scanner: &ScannerChart, y: Axis) -> Plot {
 }
 
 fn t_squares(chart: &Chart, scanner: &ScannerChart) -> String {
-    let points = |of: fn(&ChartDay) -> Option<f64>| -> Vec<[f64; 2]> {
+    let points = |value: fn(&ChartDay) -> Option<f64>| -> Vec<[f64; 2]> {
         let all = numbers(scanner).into_iter().zip(&scanner.days);
-        all.map(|(number, day)| [number, of(day).unwrap_or(f64::NAN)])
+        all.map(|(number, day)| [number, value(day).unwrap_or(f64::NAN)])
             .collect()
     };
-    let (found, limits) = (points(|day| day.t2), points(|day| day.limit));
-    if found.iter().all(|[_, t2]| t2.is_nan()) {
+    let (statistics, limits) = (points(|day| day.t2), points(|day| day.limit));
+    if statistics.iter().all(|[_, t2]| t2.is_nan()) {
         return String::new();
     }
-    let values = found.iter().chain(&limits).map(|[_, value]| *value);
+    let values = statistics.iter().chain(&limits).map(|[_, value]| *value);
     let mut plot = over_dates(FULL, scanner, Axis::logarithmic("T²", values));
     plot.line("s1 dashed", &limits);
-    plot.line("s0 fine", &found);
-    plot.dots("dot s0", 3.6, &found);
+    plot.line("s0 fine", &statistics);
+    plot.dots("dot s0", 3.6, &statistics);
     let entries = [
         ("s0".to_owned(), "T² of the day".to_owned()),
         ("s1".into(), "limit (dashed)".into()),
@@ -121,9 +121,10 @@ fn t_squares(chart: &Chart, scanner: &ScannerChart) -> String {
                 number::shortest(100.0 * chart.settings.false_alarm_rate),
                 "%"
             ),
-            match chart.from_calibration {
-                true => "the calibration".to_owned(),
-                false => format!("the mean of the first {} days", chart.settings.base_days),
+            if chart.from_calibration {
+                "the calibration".to_owned()
+            } else {
+                format!("the mean of the first {} days", chart.settings.base_days)
             },
             number::shortest(1e3 * chart.settings.day_sigma_m),
             number::significant(chart.settings.day_sigma_rad.to_degrees(), 2),
@@ -146,9 +147,10 @@ fn components(chart: &Chart, scanner: &ScannerChart) -> String {
             "Where the scanner sits in the frame of {}, along and about its axes, less {}; bands of ± 2 standard \
              deviations. Components that the ground of a day does not determine are missing.",
             escape(&chart.first),
-            match chart.from_calibration {
-                true => "the calibration",
-                false => "the project's mounting on the first day",
+            if chart.from_calibration {
+                "the calibration"
+            } else {
+                "the project's mounting on the first day"
             },
         ),
     )
@@ -222,10 +224,10 @@ mod tests {
 
     #[test]
     fn a_knock_is_told_with_its_dates_and_millimetres() {
-        let said = judgement::drift(&chart());
-        let codes: Vec<&str> = said.iter().map(|v| v.code.as_str()).collect();
+        let verdicts = judgement::drift(&chart());
+        let codes: Vec<&str> = verdicts.iter().map(|v| v.code.as_str()).collect();
         assert_eq!(codes, ["drift.left", "drift.off", "drift.undetermined"]);
-        let text = &said[0].text;
+        let text = &verdicts[0].text;
         assert!(text.contains("between 2025-05-06 and 2025-05-07"), "{text}");
         assert!(text.contains("+2.00 ± 0.112 mm x"), "{text}");
         assert!(
@@ -233,14 +235,14 @@ mod tests {
             "{text}"
         );
         assert!(
-            said[1].text.starts_with("Since 2025-05-07 "),
+            verdicts[1].text.starts_with("Since 2025-05-07 "),
             "{}",
-            said[1].text
+            verdicts[1].text
         );
         assert!(
-            said[2].text.contains("did not show z of"),
+            verdicts[2].text.contains("did not show z of"),
             "{}",
-            said[2].text
+            verdicts[2].text
         );
     }
 

@@ -145,7 +145,7 @@ fn height_scale(low_m: f64, high_m: f64) -> String {
     )
 }
 
-/// Drops points closer to the last kept one than a thousandth of the figure.
+/// Drops points that are closer to the last remaining point than a thousandth of the figure.
 fn simplify(track: &[[f64; 2]], bounds: Bounds) -> Vec<[f64; 2]> {
     let size = (bounds.max[0] - bounds.min[0]).max(bounds.max[1] - bounds.min[1]);
     let mut out: Vec<[f64; 2]> = Vec::new();
@@ -210,9 +210,10 @@ pub fn pose_sigmas(tracks: &[Track]) -> String {
             std::array::from_fn(|axis| curve(&move |s| s.rotation_rad[axis].to_degrees()));
         let chart = |curves: &[Vec<[f64; 2]>; 3], label: &str, names: [&str; 3]| {
             let values = || curves.iter().flatten().map(|p| p[1]);
-            let y = match spans_decades(values()) {
-                true => Axis::logarithmic(label, values()),
-                false => Axis::rounded(label, values().chain([0.0])),
+            let y = if spans_decades(values()) {
+                Axis::logarithmic(label, values())
+            } else {
+                Axis::rounded(label, values().chain([0.0]))
             };
             let x = Axis::over(
                 &time_label(start),
@@ -290,11 +291,11 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
 
 /// Mean residuals along the drive with the band expected from the poses; empty without any.
 pub fn residuals(calibration: &Calibration) -> String {
-    let Some(found) = &calibration.constancy else {
+    let Some(constancy) = &calibration.constancy else {
         return String::new();
     };
     let mut out = html::verdicts(judgement::constancy(calibration).as_slice());
-    let blocks = || found.blocks.iter().flatten();
+    let blocks = || constancy.blocks.iter().flatten();
     if blocks().next().is_none() {
         return out;
     }
@@ -313,7 +314,7 @@ pub fn residuals(calibration: &Calibration) -> String {
         ("s1".to_owned(), "outside".to_owned()),
     ];
     let mut charts = String::new();
-    for (mounting, list) in calibration.mountings.iter().zip(&found.blocks) {
+    for (mounting, list) in calibration.mountings.iter().zip(&constancy.blocks) {
         let mut plot = Plot::new(FULL, 210.0, x.clone(), y.clone());
         let band: Vec<[f64; 3]> = list
             .iter()

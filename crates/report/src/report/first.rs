@@ -1,4 +1,4 @@
-//! What the page shows first: the headline and why, the mountings, the platform, a map, and all that is said.
+//! The first screen of the page: headline with reasons, mountings, platform, a map, and all verdicts.
 
 use super::content::Content;
 use super::html::{self, escape};
@@ -9,21 +9,22 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::verdict::{Headline, Severity, Verdict};
 
-/// The first screen; empty without anything to say or to show.
+/// The first screen; empty if it has no content.
 pub fn screen(content: &Content) -> String {
     let pictures: String = [mountings(content), drawing(content), map(content)]
         .into_iter()
         .filter(|picture| !picture.is_empty())
         .map(|picture| format!("<div>{picture}</div>\n"))
         .collect();
-    let pictures = match pictures.is_empty() {
-        true => pictures,
-        false => format!("<div class=\"screen\">\n{pictures}</div>\n"),
+    let pictures = if pictures.is_empty() {
+        pictures
+    } else {
+        format!("<div class=\"screen\">\n{pictures}</div>\n")
     };
-    headline(content) + &pictures + &said(&content.verdicts)
+    headline(content) + &pictures + &all_verdicts(&content.verdicts)
 }
 
-/// What all verdicts come to, and why (markup); empty without any.
+/// The summary of all verdicts with its reasons (markup); empty without any.
 fn headline(content: &Content) -> String {
     if content.verdicts.is_empty() {
         return String::new();
@@ -37,12 +38,12 @@ fn headline(content: &Content) -> String {
     format!(
         "<p class=\"headline {class}\">Result: {}</p>\n<p class=\"why\">{}</p>\n",
         headline.text(),
-        escape(&why(content))
+        escape(&reasons(content))
     )
 }
 
-/// What the headline rests on.
-fn why(content: &Content) -> String {
+/// The reasons for the headline.
+fn reasons(content: &Content) -> String {
     let marked: Vec<&Verdict> = content
         .verdicts
         .iter()
@@ -70,17 +71,22 @@ fn why(content: &Content) -> String {
 /// The largest distances of the first drive's clouds, in a sentence.
 fn agreement(content: &Content) -> Option<String> {
     let all = &content.drives.first()?.agreements;
-    let of = |is_reference: bool| {
-        let found = all.under(MountingKind::Final);
-        let found = found.filter(|found| (found.against == Against::Reference) == is_reference);
-        let sizes = found.map(|found| (found.statistics.rmse_m, found.statistics.nmad_m));
+    let with_reference = |is_reference: bool| {
+        let agreements = all.under(MountingKind::Final);
+        let agreements = agreements
+            .filter(|agreement| (agreement.against == Against::Reference) == is_reference);
+        let sizes =
+            agreements.map(|agreement| (agreement.statistics.rmse_m, agreement.statistics.nmad_m));
         sizes.max_by(|a, b| a.0.total_cmp(&b.0))
     };
     let text = |(rmse_m, nmad_m): (f64, f64)| {
         let [rmse, nmad] = [rmse_m, nmad_m].map(number::length);
         format!("{rmse} (RMSE; NMAD {nmad})")
     };
-    match (of(true).map(text), of(false).map(text)) {
+    match (
+        with_reference(true).map(text),
+        with_reference(false).map(text),
+    ) {
         (Some(reference), Some(scanners)) => Some(format!(
             "The clouds agree with the reference to {reference} or better, and with each other to {scanners}."
         )),
@@ -120,35 +126,35 @@ fn fans<'a>(calibrations: &Calibrations<'a>) -> Vec<Fan<'a>> {
         .collect()
 }
 
-/// The distances that are left between the first pair of clouds.
+/// The map of the remaining distances between the first pair of clouds.
 fn map(content: &Content) -> String {
     let drive = content.drives.first();
-    let found = drive.and_then(|drive| drive.agreements.under(MountingKind::Final).next());
-    found.map(maps::alone).unwrap_or_default()
+    let agreement = drive.and_then(|drive| drive.agreements.under(MountingKind::Final).next());
+    agreement.map(maps::alone).unwrap_or_default()
 }
 
-/// All that is said: what to take care of, what is well, what is for information, and apart from it what is about
-/// other drives and runs.
-fn said(verdicts: &[Verdict]) -> String {
+/// All verdicts: those that need attention, good results, information, and, separately, those on other drives and runs.
+fn all_verdicts(verdicts: &[Verdict]) -> String {
     let (main, beside): (Vec<_>, Vec<_>) =
         verdicts.iter().partition(|verdict| verdict.about.is_none());
     let beside = by_weight(&beside);
     by_weight(&main)
-        + &match beside.is_empty() {
-            true => beside,
-            false => format!("<h3>Other drives and runs</h3>\n{beside}"),
+        + &if beside.is_empty() {
+            beside
+        } else {
+            format!("<h3>Other drives and runs</h3>\n{beside}")
         }
 }
 
-/// What to take care of one by one, the rest in brief, what is well first.
+/// Verdicts that need attention one by one, and the rest in brief, good results first.
 fn by_weight(verdicts: &[&Verdict]) -> String {
-    let of = |wanted: &dyn Fn(Severity) -> bool| -> Vec<Verdict> {
-        let found = verdicts.iter().filter(|verdict| wanted(verdict.severity));
-        found.copied().cloned().collect()
+    let with_severity = |wanted: &dyn Fn(Severity) -> bool| -> Vec<Verdict> {
+        let chosen = verdicts.iter().filter(|verdict| wanted(verdict.severity));
+        chosen.copied().cloned().collect()
     };
-    let marked = of(&Severity::is_marked);
-    let mut rest = of(&|severity| severity == Severity::Good);
-    rest.extend(of(&|severity| severity == Severity::Note));
+    let marked = with_severity(&Severity::is_marked);
+    let mut rest = with_severity(&|severity| severity == Severity::Good);
+    rest.extend(with_severity(&|severity| severity == Severity::Note));
     html::verdicts(&marked) + &html::brief(&rest)
 }
 
@@ -164,7 +170,7 @@ mod tests {
             Verdict::note("b", "noted"),
             Verdict::good("c", "fine"),
         ];
-        let page = said(&verdicts);
+        let page = all_verdicts(&verdicts);
         let place = |text: &str| page.find(text).unwrap();
         let order = ["careful", "fine", "noted", "Other drives", "elsewhere"].map(place);
         assert!(order.is_sorted(), "{page}");
@@ -177,7 +183,7 @@ mod tests {
             verdicts,
             ..Content::default()
         };
-        assert_eq!(why(&content), "Broken. And 1 more below.");
+        assert_eq!(reasons(&content), "Broken. And 1 more below.");
         let page = headline(&content);
         assert!(
             page.contains("not usable") && page.contains("fault"),

@@ -70,7 +70,7 @@ pub fn verdicts(list: &[Verdict]) -> String {
     statements("verdicts", list)
 }
 
-/// The same in small type, for what is well or for information.
+/// Statements as a list in small type, for good results and information.
 pub fn brief(list: &[Verdict]) -> String {
     statements("verdicts brief", list)
 }

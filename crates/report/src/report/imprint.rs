@@ -1,4 +1,4 @@
-//! Who made the report, as the page names them.
+//! The author of the report, as named on the page.
 
 use std::path::{Path, PathBuf};
 
@@ -6,19 +6,19 @@ use base64::Engine as _;
 
 use crate::error::{Error, Location, Result};
 
-/// Most bytes of a logo: every copy of the page carries it.
+/// Largest size of a logo, bytes: every copy of the page includes it.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Title, author, organisation and logo of a report.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Imprint {
-    /// Heading of the page; `None` for that of the drive.
+    /// Heading of the page; `None` for the name of the drive.
     pub title: Option<String>,
-    /// Who answers for the report.
+    /// Author, who is responsible for the report.
     pub author: Option<String>,
-    /// Where they work.
+    /// Organisation of the author.
     pub organisation: Option<String>,
-    /// A picture, absolute.
+    /// Absolute path of a picture.
     pub logo: Option<PathBuf>,
 }
 
@@ -45,7 +45,7 @@ impl Imprint {
     }
 }
 
-/// The media type of a picture by the end of its name; `None` for what browsers do not show.
+/// The media type of a picture, from the extension of its name; `None` for formats that browsers do not show.
 pub fn media_type(path: &Path) -> Option<&'static str> {
     let end = path.extension()?.to_str()?.to_ascii_lowercase();
     match end.as_str() {

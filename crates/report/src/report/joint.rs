@@ -9,10 +9,10 @@ use crate::judgement;
 use crate::number;
 use crate::results::Calibrations;
 
-/// Ratios of other groups than the IMU that exceed 1 by this factor, and by chance, are marked.
+/// Ratios of groups other than the IMU are marked if they exceed 1 by this factor and by more than chance.
 const NOTABLE_RATIO: f64 = 1.2;
 
-/// What the observations of a group are.
+/// The kind of observations in a group.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Imu,
@@ -45,7 +45,7 @@ impl Kind {
         }
     }
 
-    /// The largest ratio that needs no attention; `None` where the ratio is 1 by construction.
+    /// The largest ratio that needs no attention; `None` if the ratio is 1 by construction.
     fn limit(self, group: &GroupTest) -> Option<f64> {
         let chance = 3.0 * (2.0 / group.redundancy).sqrt();
         match self {
@@ -55,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// What a large ratio means.
+    /// The meaning of a large ratio.
     fn meaning(self) -> &'static str {
         match self {
             Self::Imu => {
@@ -76,16 +76,16 @@ impl Kind {
 
 /// The whole section; empty without a joint adjustment.
 pub fn section(calibrations: &Calibrations) -> String {
-    let Some(found) = calibrations.joint_found() else {
+    let Some(joint) = calibrations.joint_found() else {
         return String::new();
     };
-    chi_squares(found)
-        + &blocks(found)
+    chi_squares(joint)
+        + &blocks(joint)
         + &html::verdicts(&judgement::disagreements(calibrations))
-        + coordinates(found)
-        + &reference(found)
-        + &constants(found)
-        + &course(calibrations, found)
+        + coordinates(joint)
+        + &reference(joint)
+        + &constants(joint)
+        + &course(calibrations, joint)
 }
 
 fn chi_squares(joint: &Joint) -> String {
@@ -136,22 +136,22 @@ fn blocks(joint: &Joint) -> String {
     for drive in &joint.drives {
         for (i, sensor) in drive.residuals.iter().enumerate() {
             let of_sensor = drive.positions.iter().filter(|b| b.sensor == sensor.sensor);
-            for (j, found) in of_sensor.enumerate() {
+            for (j, blocks) in of_sensor.enumerate() {
                 let name = match (j, several) {
                     (0, false) => escape(&sensor.sensor),
                     (0, true) => escape(&format!("{}, {}", sensor.sensor, drive.name)),
                     _ => String::new(),
                 };
-                let cells: String = found
+                let cells: String = blocks
                     .rms
                     .iter()
-                    .map(|rms| block_cell(*rms, found.block_s))
+                    .map(|rms| block_cell(*rms, blocks.block_s))
                     .collect();
                 body.push_str(&format!(
                     "<tr class=\"{}\"><th scope=\"row\">{name}</th><td>{}</td><td>{}</td>{cells}</tr>\n",
                     if i + j > 0 && j == 0 { "first" } else { "" },
-                    number::with_unit(number::shortest(found.block_s), "s"),
-                    number::count(found.blocks),
+                    number::with_unit(number::shortest(blocks.block_s), "s"),
+                    number::count(blocks.blocks),
                 ));
             }
         }
@@ -172,50 +172,51 @@ fn block_cell(rms: f64, block_s: f64) -> String {
     format!("<td{class}>{}</td>", number::fixed(rms, 2))
 }
 
-/// Which coordinates those of regions are.
+/// The coordinate system of the coordinates of regions.
 fn coordinates(joint: &Joint) -> &'static str {
-    match joint.regions.is_empty() {
-        true => "",
-        false => {
-            "<p class=\"note\">East and north are those of the clouds and of the reference's file.</p>\n"
-        }
+    if joint.regions.is_empty() {
+        ""
+    } else {
+        "<p class=\"note\">East and north are those of the clouds and of the reference's file.</p>\n"
     }
 }
 
-/// Where the reference as a whole was found, and what was known beforehand.
+/// The estimated offset of the whole reference, and its prior.
 fn reference(joint: &Joint) -> String {
-    let Some(found) = &joint.reference else {
+    let Some(estimate) = &joint.reference else {
         return String::new();
     };
-    let prior = &found.prior;
-    let (assumed, remedy) = match prior.assumed {
-        true => (
+    let prior = &estimate.prior;
+    let (assumed, remedy) = if prior.assumed {
+        (
             " (assumed)",
             " The project gives none, so these are assumed: give <code>reference.sigma_m</code> and <code>reference.sigma_deg</code>.",
-        ),
-        false => ("", ""),
+        )
+    } else {
+        ("", "")
     };
     let list = |values: [f64; 3], sigmas: [f64; 3], digits: usize| {
-        let one = |(value, sigma): (f64, f64)| {
+        let text = |(value, sigma): (f64, f64)| {
             let value = number::signed(number::fixed(value, digits));
             format!("{value} ± {}", number::sigma(sigma))
         };
         values
             .into_iter()
             .zip(sigmas)
-            .map(one)
+            .map(text)
             .collect::<Vec<_>>()
             .join(", ")
     };
     let mm = |v: &Vec3| (1e3 * v).into();
     let deg = |v: &Vec3| v.map(f64::to_degrees).into();
-    let estimate = match prior.shift_m.max(prior.tilt_rad) > 0.0 {
-        true => format!(
+    let estimate = if prior.shift_m.max(prior.tilt_rad) > 0.0 {
+        format!(
             " It was found {}\u{202f}mm off to the east, north and up, and turned by {}° about them.",
-            list(mm(&found.shift_m), mm(&found.shift_sigma_m), 2),
-            list(deg(&found.turn_rad), deg(&found.turn_sigma_rad), 4),
-        ),
-        false => String::new(),
+            list(mm(&estimate.shift_m), mm(&estimate.shift_sigma_m), 2),
+            list(deg(&estimate.turn_rad), deg(&estimate.turn_sigma_rad), 4),
+        )
+    } else {
+        String::new()
     };
     format!(
         "<p class=\"note\">The reference as a whole may be shifted by ± {}\u{202f}mm and turned by ± {}°{assumed} against the world of the poses.{estimate} A shift up shows hardly in the data and enters the heights of the scanners one to one: their standard deviations hold it.{remedy}</p>\n",
@@ -224,7 +225,7 @@ fn reference(joint: &Joint) -> String {
     )
 }
 
-/// Constants and latencies estimated along with mountings and trajectory.
+/// Constants and latencies that are estimated together with mountings and trajectory.
 fn constants(joint: &Joint) -> String {
     let mut body = String::new();
     let mut row = |name: &str, value: &str, sigma: Option<&str>, start: &str, unit: &str| {

@@ -13,15 +13,15 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::trajectory::Solution;
 
-/// Length of the blocks whose mean residuals are drawn, seconds: short enough for a pattern along
-/// the drive, long enough to quieten a prism's noise.
+/// Length of the blocks whose mean residuals are drawn, seconds: short enough to show a pattern along the drive, long
+/// enough to average out a prism's noise.
 const BLOCK_S: f64 = 2.0;
 
 /// All figures of the project's own drive; empty without a joint adjustment.
 pub fn figures(calibrations: &Calibrations, tracks: &[Track]) -> String {
     let drive = calibrations
         .joint_found()
-        .and_then(|found| found.drives.first());
+        .and_then(|joint| joint.drives.first());
     let Some(drive) = drive else {
         return String::new();
     };
@@ -40,7 +40,7 @@ pub fn figures(calibrations: &Calibrations, tracks: &[Track]) -> String {
     format!("<h3>What the joint adjustment changed</h3>\n{refused}{figures}")
 }
 
-/// How far each pose moved.
+/// The figure of the displacement of each pose.
 fn moved(drive: &AdjustedDrive) -> String {
     let Some(start_s) = drive.moved.first().map(|m| m.time_s) else {
         return String::new();
@@ -66,8 +66,10 @@ fn moved(drive: &AdjustedDrive) -> String {
     let turn = |i: usize| drive.moved[i].turn_rad.map(f64::to_degrees);
     let left = chart("shift (mm)", ["east", "north", "up"], &shift);
     let right = chart("rotation (°)", ["about x", "about y", "about z"], &turn);
-    let rms = |of: &dyn Fn(usize) -> Vec3| {
-        let sum: f64 = (0..drive.moved.len()).map(|i| of(i).norm_squared()).sum();
+    let rms = |component: &dyn Fn(usize) -> Vec3| {
+        let sum: f64 = (0..drive.moved.len())
+            .map(|i| component(i).norm_squared())
+            .sum();
         (sum / drive.moved.len() as f64).sqrt()
     };
     html::figure(
@@ -93,7 +95,7 @@ fn residuals(drive: &AdjustedDrive, solution: Option<&Solution>) -> String {
     figures.collect()
 }
 
-/// The used residuals of a sensor in the trajectory alone.
+/// The used residuals of a sensor in the adjustment of the trajectory alone.
 fn before(solution: &Solution, sensor: &str) -> Records {
     let place = solution.sensors.iter().position(|s| s.name == sensor);
     let list = place.and_then(|place| solution.residuals.get(place));

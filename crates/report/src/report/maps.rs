@@ -18,12 +18,12 @@ const THIRD: f64 = 310.0;
 /// Bins of a histogram.
 const BINS: usize = 50;
 
-/// All maps: those of the first drive with an explanation, then those of the others, folded.
+/// All maps: those of the first drive with an explanation, then those of the other drives, folded.
 pub fn maps(drives: &[Drive]) -> String {
     let mut out = String::new();
     for drive in drives {
         let pairs = drive.agreements.pairs();
-        let figures: String = pairs.map(|found| map(&drive.name, found)).collect();
+        let figures: String = pairs.map(|pair| map(&drive.name, pair)).collect();
         if out.is_empty() && !figures.is_empty() {
             out = figures + NOTE;
         } else {
@@ -35,12 +35,12 @@ pub fn maps(drives: &[Drive]) -> String {
 
 const NOTE: &str = "<p class=\"note\">Signed M3C2 distance of every core point, seen from above; the colour scale is below the histogram. Magnified maps show the distances that remain; of two steps and the joint adjustment both are magnified alike. Figures 6 and 7 of the paper.</p>\n";
 
-/// One pair of clouds with each mounting side by side, each above its histogram. Two steps and the
-/// joint adjustment share a scale of their own; without them, initial and final mounting share one,
-/// and the final one is magnified beside them.
-fn map(drive: &str, found: &[Agreement]) -> String {
-    let shown = |found: &&Agreement| found.mounting != MountingKind::Truth;
-    let panels: Vec<&Agreement> = found.iter().filter(shown).collect();
+/// Draws one pair of clouds with each mounting side by side, each above its histogram. Two steps and the joint
+/// adjustment share a scale of their own; without them, initial and final mounting share a scale, and the map of the
+/// final mounting is repeated beside them at a larger scale.
+fn map(drive: &str, agreements: &[Agreement]) -> String {
+    let shown = |agreement: &&Agreement| agreement.mounting != MountingKind::Truth;
+    let panels: Vec<&Agreement> = agreements.iter().filter(shown).collect();
     let positions = panels.iter().flat_map(|panel| core(panel)).map(|(p, _)| p);
     let (Some(last), Some(bounds)) = (panels.last(), Bounds::around(positions)) else {
         return String::new();
@@ -72,22 +72,22 @@ fn map(drive: &str, found: &[Agreement]) -> String {
     )
 }
 
-/// One comparison with its scale of colours, and in its heading what it compares.
-pub fn alone(found: &Agreement) -> String {
-    let Some(bounds) = Bounds::around(core(found).map(|(p, _)| p)) else {
+/// Draws a single comparison with its colour scale; its heading names the clouds.
+pub fn alone(agreement: &Agreement) -> String {
+    let Some(bounds) = Bounds::around(core(agreement).map(|(p, _)| p)) else {
         return String::new();
     };
-    let limit_m = limit_m(found);
-    let summary = number::with_unit(number::millimetres(found.statistics.rmse_m), "mm");
+    let limit_m = limit_m(agreement);
+    let summary = number::with_unit(number::millimetres(agreement.statistics.rmse_m), "mm");
     format!(
         "<h3>{} <small>RMSE {summary}</small></h3>\n<figure>\n{}{}<figcaption>M3C2 distances that are left.</figcaption>\n</figure>\n",
-        escape(&capitalised(&found.pair())),
-        top_view("what is left", found, bounds, limit_m),
+        escape(&capitalised(&agreement.pair())),
+        top_view("what is left", agreement, bounds, limit_m),
         scale(limit_m)
     )
 }
 
-/// The colours of distances up to this limit.
+/// The colour scale of distances up to this limit.
 fn scale(limit_m: f64) -> String {
     let stops: Vec<String> = (0..=10)
         .map(|i| raster::diverging_css(f64::from(i) / 5.0 - 1.0))
@@ -96,20 +96,20 @@ fn scale(limit_m: f64) -> String {
     html::ramp(&format!("−{limit}"), &stops, &format!("+{limit} mm"))
 }
 
-/// East, north and distance of the core points with a distance, metres.
-pub(super) fn core(found: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
-    let all = found.distances.points();
+/// East, north and distance of the core points that have a distance, metres.
+pub(super) fn core(agreement: &Agreement) -> impl Iterator<Item = ([f64; 2], f64)> + Clone {
+    let all = agreement.distances.points();
     all.map(|(point, distance_m)| ([point.x, point.y], distance_m))
 }
 
-/// A map above its histogram, with the limit of its colours and whether that is a smaller one.
+/// A map above its histogram, with the limit of its colours and whether it is magnified.
 fn cell(
     name: &str,
-    found: &Agreement,
+    agreement: &Agreement,
     bounds: Bounds,
     (limit_m, magnified): (f64, bool),
 ) -> String {
-    let statistics = &found.statistics;
+    let statistics = &agreement.statistics;
     let summary = format!(
         "RMSE {}, mean {}",
         number::with_unit(number::millimetres(statistics.rmse_m), "mm"),
@@ -123,14 +123,14 @@ fn cell(
     };
     format!(
         "<div><h4>{name} <small>{summary}<br/>{sign} ± {limit}</small></h4>\n{}{}</div>\n",
-        top_view(name, found, bounds, limit_m),
-        histogram(found, limit_m)
+        top_view(name, agreement, bounds, limit_m),
+        histogram(agreement, limit_m)
     )
 }
 
 /// A round limit that includes 97 % of the distances, at least 1 mm.
-pub(super) fn limit_m(found: &Agreement) -> f64 {
-    let mut sizes: Vec<f64> = core(found)
+pub(super) fn limit_m(agreement: &Agreement) -> f64 {
+    let mut sizes: Vec<f64> = core(agreement)
         .map(|(_, distance_m)| distance_m.abs())
         .collect();
     sizes.sort_by(f64::total_cmp);
@@ -138,8 +138,8 @@ pub(super) fn limit_m(found: &Agreement) -> f64 {
     number::nice_above(most.max(1e-3))
 }
 
-pub(super) fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f64) -> String {
-    let points: Vec<([f64; 2], f64)> = core(found).collect();
+pub(super) fn top_view(name: &str, agreement: &Agreement, bounds: Bounds, limit_m: f64) -> String {
+    let points: Vec<([f64; 2], f64)> = core(agreement).collect();
     map_of(
         &format!("Map of distances, {name}"),
         &points,
@@ -148,7 +148,7 @@ pub(super) fn top_view(name: &str, found: &Agreement, bounds: Bounds, limit_m: f
     )
 }
 
-/// A map of values at places, coloured to this limit.
+/// A map of values at places, with colours up to this limit.
 pub(super) fn map_of(
     title: &str,
     points: &[([f64; 2], f64)],
@@ -178,10 +178,10 @@ pub(super) fn plan(title: &str, bounds: Bounds, images: &[Raster]) -> String {
 
 /// Histogram of the distances within the colour scale, with bars in the colours of the map and the
 /// colour scale below the axis.
-pub(super) fn histogram(found: &Agreement, limit_m: f64) -> String {
-    let distances_m = core(found).map(|(_, distance_m)| distance_m);
+pub(super) fn histogram(agreement: &Agreement, limit_m: f64) -> String {
+    let distances_m = core(agreement).map(|(_, distance_m)| distance_m);
     let bins = Histogram::of(distances_m, (-limit_m, limit_m), BINS);
-    let n = found.statistics.n;
+    let n = agreement.statistics.n;
     let x = Axis::over("distance (mm)", [-1e3 * limit_m, 1e3 * limit_m]);
     let width = (x.max - x.min) / BINS as f64;
     let share = |count: u64| 100.0 * count as f64 / n as f64;

@@ -4,7 +4,7 @@ use super::axis::{self, Axis};
 use super::chart::{BOTTOM, Plot, TOP};
 use super::html::escape;
 
-/// Maximum number of dots in a column that are drawn one by one.
+/// Maximum number of dots in a column that are drawn individually.
 const CROWD: usize = 4;
 
 impl Plot {

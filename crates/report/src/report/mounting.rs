@@ -11,14 +11,14 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// Errors of more than this many standard deviations are marked.
+/// Errors larger than this many standard deviations are marked.
 const BOUND: f64 = NORMAL_97_5_ROUNDED;
 
 /// A column of the table: a mounting of one scanner and its origin.
 struct Column<'a> {
     label: &'static str,
     body_from_scanner: BodyFromScanner,
-    /// The calibration it results from and the index of the scanner; `None` for initial values.
+    /// The calibration and the index of the scanner; `None` for initial values.
     found: Option<(&'a Calibration, usize)>,
     /// Whether the column is emphasised.
     is_result: bool,
@@ -42,8 +42,12 @@ impl Column<'_> {
     fn origin(&self, parameter: usize) -> Origin {
         match self.found {
             None => Origin::Given,
-            Some((found, scanner)) if found.mountings[scanner].fixed[parameter] => Origin::Fixed,
-            Some((found, scanner)) if found.is_observable(scanner, parameter) => Origin::Estimated,
+            Some((calibration, scanner)) if calibration.mountings[scanner].fixed[parameter] => {
+                Origin::Fixed
+            }
+            Some((calibration, scanner)) if calibration.is_observable(scanner, parameter) => {
+                Origin::Estimated
+            }
             Some(_) => Origin::Unobservable,
         }
     }
@@ -94,17 +98,17 @@ impl Block {
 
     /// In metres or degrees.
     fn sigmas(self, column: &Column) -> [Option<f64>; 3] {
-        let Some((found, scanner)) = column.found else {
+        let Some((calibration, scanner)) = column.found else {
             return [None; 3];
         };
         match self {
             Self::Translation => {
-                let own = found.mountings[scanner].convention;
-                let [x, y, z, ..] = found.sigmas(scanner, own);
+                let convention = calibration.mountings[scanner].convention;
+                let [x, y, z, ..] = calibration.sigmas(scanner, convention);
                 [x, y, z]
             }
             Self::Euler(convention) => {
-                let [.., alpha, beta, gamma] = found.sigmas(scanner, convention);
+                let [.., alpha, beta, gamma] = calibration.sigmas(scanner, convention);
                 [alpha, beta, gamma].map(|sigma| sigma.map(f64::to_degrees))
             }
         }
@@ -135,7 +139,7 @@ impl Block {
         })
     }
 
-    /// To 0.01 mm and 0.0001°.
+    /// A value to 0.01 mm or 0.0001°.
     fn show_value(self, value: f64) -> String {
         match self {
             Self::Translation => number::fixed(value, 5),
@@ -193,8 +197,7 @@ impl Block {
     }
 }
 
-/// The tables of all scanners: the methods side by side, then the same under other conditions,
-/// folded.
+/// The tables of all scanners: the methods side by side, then two steps under other conditions, folded.
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let refused = refused(calibrations);
@@ -236,11 +239,12 @@ pub fn tables(calibrations: &Calibrations) -> String {
     ) + &html::details("Two steps under other conditions", &folded)
 }
 
-/// The mountings of a calibration with their standard deviations, one column a scanner, each in its own convention.
-pub fn brief(found: &Calibration) -> String {
-    let conventions: Vec<EulerConvention> = found.mountings.iter().map(|m| m.convention).collect();
+/// The mountings of a calibration with their standard deviations, one column per scanner, each in its own convention.
+pub fn brief(calibration: &Calibration) -> String {
+    let conventions: Vec<EulerConvention> =
+        calibration.mountings.iter().map(|m| m.convention).collect();
     let mut head = String::from("<tr><td></td>");
-    for mounting in &found.mountings {
+    for mounting in &calibration.mountings {
         head.push_str(&format!(
             "<th scope=\"col\">{}</th>",
             escape(&mounting.name)
@@ -255,7 +259,7 @@ pub fn brief(found: &Calibration) -> String {
             for (scanner, convention) in conventions.iter().enumerate() {
                 let block = [Block::Translation, Block::Euler(*convention)][part];
                 name = block.names()[parameter];
-                let cells = block.cells(&column("", found, scanner), None);
+                let cells = block.cells(&column("", calibration, scanner), None);
                 row.push_str(&format!("<td>{}</td>", block.markup(&cells[parameter])));
             }
             body.push_str(&format!("<tr><th scope=\"row\">{name}</th>{row}</tr>\n"));
@@ -275,8 +279,8 @@ pub fn brief(found: &Calibration) -> String {
 
 /// The mountings of a joint adjustment whose values are not the result.
 fn refused(calibrations: &Calibrations) -> Option<Calibration> {
-    let found: &Joint = calibrations.refused()?;
-    Some(found.calibration(calibrations.result))
+    let joint: &Joint = calibrations.refused()?;
+    Some(joint.calibration(calibrations.result))
 }
 
 /// A column of a calibration.
@@ -304,8 +308,8 @@ fn methods<'a>(
         is_result: false,
     });
     let variant = |variant, label| {
-        let found = calibrations.variant(variant);
-        found.map(|found| column(label, found, scanner))
+        let calibration = calibrations.variant(variant);
+        calibration.map(|calibration| column(label, calibration, scanner))
     };
     let mut list = Vec::from_iter(initial);
     list.extend(variant(Variant::Paper, method_name(Method::Paper)));
@@ -314,7 +318,9 @@ fn methods<'a>(
         is_result: true,
         ..column(method_name(result.method), result, scanner)
     });
-    list.extend(refused.map(|found| column("joint adjustment, refused", found, scanner)));
+    list.extend(
+        refused.map(|calibration| column("joint adjustment, refused", calibration, scanner)),
+    );
     list
 }
 
@@ -324,11 +330,11 @@ fn conditions<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column
         (Variant::WithoutReference, "without reference"),
         (Variant::ExactPoses, "with exact poses"),
     ];
-    let found = conditions.into_iter().filter_map(|(variant, label)| {
-        let found = calibrations.variant(variant)?;
-        Some(column(label, found, scanner))
+    let columns = conditions.into_iter().filter_map(|(variant, label)| {
+        let calibration = calibrations.variant(variant)?;
+        Some(column(label, calibration, scanner))
     });
-    found.collect()
+    columns.collect()
 }
 
 fn table(columns: &[Column], blocks: &[Block], truth: Option<&BodyFromScanner>) -> String {

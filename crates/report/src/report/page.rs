@@ -66,12 +66,13 @@ fn numbers(id: &str, content: &Content) -> String {
     let links: Vec<String> = files
         .map(|file| format!("<a href=\"{0}/{1}\">{1}</a>", csv::FOLDER, file.name))
         .collect();
-    match links.is_empty() {
-        true => String::new(),
-        false => format!(
+    if links.is_empty() {
+        String::new()
+    } else {
+        format!(
             "<p class=\"note numbers-of\">Numbers behind the figures, beside this page: {}</p>\n",
             links.join(", ")
-        ),
+        )
     }
 }
 
@@ -162,11 +163,10 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
 fn trajectory(tracks: &[Track], content: &Content, calibrations: Option<&Calibrations>) -> String {
     let joint = calibrations.map(|calibrations| joint_figures::figures(calibrations, tracks));
     let is_joint = calibrations.is_some_and(|c| c.result.method == Method::Joint);
-    let origin = match is_joint {
-        true => {
-            "<p>The poses and their standard deviations are those of the joint adjustment. Residuals by sensor, constants and rejected measurements are those of the trajectory alone, from which it started.</p>\n"
-        }
-        false => "",
+    let origin = if is_joint {
+        "<p>The poses and their standard deviations are those of the joint adjustment. Residuals by sensor, constants and rejected measurements are those of the trajectory alone, from which it started.</p>\n"
+    } else {
+        ""
     };
     origin.to_owned()
         + &adjustment::statements(tracks)

@@ -11,7 +11,7 @@ const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 330.0;
 /// Room around the drawing, for texts.
 const MARGIN: f64 = 30.0;
-/// Fans that reach further than this many times the size of the platform are cut off there.
+/// Fans that reach further than this many times the size of the platform are cut off at that distance.
 const LONGEST: f64 = 2.0;
 /// Smallest size of a platform, metres.
 const LEAST_M: f64 = 0.5;
@@ -20,20 +20,20 @@ const LEAST_M: f64 = 0.5;
 pub struct Fan<'a> {
     /// Name of the scanner.
     pub name: &'a str,
-    /// As given; `None` where it is not known.
+    /// The initial mounting; `None` if it is not known.
     pub before: Option<BodyFromScanner>,
-    /// As found.
+    /// The estimated mounting.
     pub after: BodyFromScanner,
 }
 
-/// A direction to look along: two rows that take forward, left and up to the right and up.
+/// A direction of view: two rows that map forward, left and up to the right and up directions of the drawing.
 struct View {
     right: [f64; 3],
     up: [f64; 3],
 }
 
 impl View {
-    /// From in front, on the right and above, without perspective.
+    /// The view from the front right and above, without perspective.
     fn oblique() -> Self {
         let (azimuth, elevation) = (-38f64.to_radians(), 24f64.to_radians());
         let (sin, cos) = azimuth.sin_cos();
@@ -87,7 +87,7 @@ pub fn drawing(platform: &Platform, fans: &[Fan]) -> String {
         }
         body.push_str(&polygon(&format!("fan {class}"), &fan.after, &at));
     }
-    // A stem to the level of the origin tells how high and how far a sensor is.
+    // A stem to the level of the origin shows the height and the distance of a sensor.
     let stem = |p: Vec3| {
         let [forward, left, _] = level(p);
         let foot = sheet.at(view.of([forward, left, 0.0]));
@@ -132,9 +132,10 @@ pub fn drawing(platform: &Platform, fans: &[Fan]) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH:.0} {:.0}\" role=\"img\" aria-label=\"The platform\">\n{body}</svg>\n",
         sheet.height
     );
-    let before = match fans.iter().any(|fan| fan.before.is_some()) {
-        true => "; dashed: the mountings given",
-        false => "",
+    let before = if fans.iter().any(|fan| fan.before.is_some()) {
+        "; dashed: the mountings given"
+    } else {
+        ""
     };
     let cut = if is_cut { "; fans are cut off" } else { "" };
     html::figure(
@@ -155,7 +156,7 @@ struct Corners<'a> {
     after: Vec<Vec3>,
 }
 
-/// The fans with no corner further from the scanner than this; whether any was.
+/// The fans, cut off at this distance from the scanner, and whether any was cut.
 fn cut<'a>(platform: &Platform, fans: &[Fan<'a>], longest_m: f64) -> (Vec<Corners<'a>>, bool) {
     let mut is_cut = false;
     let mut all = Vec::new();
@@ -179,7 +180,7 @@ fn cut<'a>(platform: &Platform, fans: &[Fan<'a>], longest_m: f64) -> (Vec<Corner
     (all, is_cut)
 }
 
-/// From metres to the units of the drawing.
+/// The scale from metres to the units of the drawing.
 struct Sheet {
     left: f64,
     top: f64,
@@ -197,7 +198,7 @@ impl Sheet {
             }
         }
         let [wide, high] = [0, 1].map(|i| (most[i] - least[i]).max(1e-3));
-        // Names stand to the right of their sensors.
+        // Names are written to the right of their sensors.
         let unit = ((WIDTH - 3.0 * MARGIN) / wide).min((HEIGHT - 2.0 * MARGIN) / high);
         Self {
             left: least[0] - MARGIN / unit,

@@ -1,5 +1,5 @@
-//! What the data could determine, as a picture: the standard deviation of every parameter by each method, on
-//! logarithmic axes, and which parameters nothing determines.
+//! The precision of the parameters as a picture: the standard deviation of every parameter by each method, on
+//! logarithmic axes, and the parameters that are not determined.
 
 use super::axis::Axis;
 use super::chart::Plot;
@@ -72,15 +72,15 @@ pub fn figure(calibrations: &Calibrations) -> String {
     )
 }
 
-/// Standard deviations of positions and of rotations about the body's axes, metres and radians; `None` for what is
-/// fixed or not determined.
-pub fn sigmas(found: &Calibration, scanner: usize) -> [Option<f64>; 6] {
-    let covariance = found.covariance.as_ref();
+/// Standard deviations of positions and of rotations about the body's axes, metres and radians; `None` for a parameter
+/// that is fixed or not determined.
+pub fn sigmas(calibration: &Calibration, scanner: usize) -> [Option<f64>; 6] {
+    let covariance = calibration.covariance.as_ref();
     std::array::from_fn(|parameter| {
         let row = 6 * scanner + parameter;
         let variance = covariance?[(row, row)];
-        let is_known = !found.mountings[scanner].fixed[parameter]
-            && found.is_observable(scanner, parameter)
+        let is_known = !calibration.mountings[scanner].fixed[parameter]
+            && calibration.is_observable(scanner, parameter)
             && variance > 0.0;
         is_known.then(|| variance.sqrt())
     })
@@ -106,7 +106,7 @@ fn chart(series: &[Series], (first, label, factor): (usize, &str, f64)) -> Strin
     let edge = x.max;
     let mut plot = Plot::rows(HALF, ROW, &names, x);
     for (at, one) in series.iter().enumerate() {
-        // Side by side in a row, so that none hides another.
+        // The methods are drawn side by side in a row, so that none hides another.
         let aside = 0.22 * (at as f64 - 0.5 * (series.len() - 1) as f64);
         let (mut dots, mut open) = (Vec::new(), Vec::new());
         for (row, sigma) in all(one).into_iter().enumerate() {

@@ -1,22 +1,22 @@
-//! Where the results come from: who made them, when, by which program and command, from which files.
+//! Provenance of the results: author, time, program, command, and input files.
 
 use super::content::{Content, Fact, InputFile};
 use super::html::{self, escape};
 use crate::format::civil_time;
 use crate::number::{self, DASH};
 
-/// The paper that the method comes from.
+/// The paper that describes the method.
 const PAPER: &str =
     "<a href=\"https://arxiv.org/abs/2403.17788\">Esser et al. 2024, arXiv 2403.17788</a>";
 
 /// The logo (markup); empty without one.
 pub fn logo(content: &Content) -> String {
-    let of = content.imprint.organisation.as_deref().unwrap_or_default();
+    let organisation = content.imprint.organisation.as_deref().unwrap_or_default();
     content.logo.as_ref().map_or_else(String::new, |uri| {
         format!(
             "<img class=\"logo\" src=\"{}\" alt=\"{}\"/>\n",
             escape(uri),
-            escape(of)
+            escape(organisation)
         )
     })
 }
@@ -29,9 +29,10 @@ pub fn lines(content: &Content) -> String {
         .flatten()
         .map(String::as_str)
         .collect();
-    let byline = match by.is_empty() {
-        true => String::new(),
-        false => format!("<p class=\"byline\">{}</p>\n", escape(&by.join(", "))),
+    let byline = if by.is_empty() {
+        String::new()
+    } else {
+        format!("<p class=\"byline\">{}</p>\n", escape(&by.join(", ")))
     };
     let mut list = Vec::new();
     let mut add = |label: &str, value: &str| {
@@ -54,7 +55,7 @@ pub fn lines(content: &Content) -> String {
     format!("{byline}<p class=\"provenance\">{}</p>\n", list.join("\n"))
 }
 
-/// What was read, and the files with their checksums.
+/// The inputs, and the files with their checksums.
 pub fn inputs(content: &Content) -> String {
     facts(&content.inputs) + &html::details("Files and checksums", &files(content.files))
 }

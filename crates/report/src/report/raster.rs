@@ -30,7 +30,7 @@ pub fn diverging_css(t: f64) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// The colour of a share from 0 to 1, dark blue to yellow: lighter is more, also to colour-blind eyes (cividis).
+/// The colour of a share from 0 to 1, dark blue to yellow: lighter means more, also for colour-blind readers (cividis).
 pub fn grade(share: f64) -> [u8; 3] {
     const STOPS: [[f64; 3]; 5] = [
         [0.0, 34.0, 78.0],
@@ -164,7 +164,7 @@ pub fn coloured(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: us
     })
 }
 
-/// The same of values from 0 to `limit`, dark to light.
+/// As [`coloured`], for values from 0 to `limit`, dark to light.
 pub fn graded(points: &[([f64; 2], f64)], limit: f64, bounds: Bounds, most: usize) -> Raster {
     means(points, (0.0, limit), bounds, most, &|share| {
         let [r, g, b] = grade(share);
@@ -278,7 +278,7 @@ fn encode(width: u32, height: u32, pixels: &[u8], colour: &dyn Fn(f64) -> [u8; 4
     encoder.set_compression(png::Compression::High);
     // Filters do not help with palette indices.
     encoder.set_filter(png::Filter::NoFilter);
-    // The size is positive and matches the pixels, and memory takes every byte.
+    // The size is positive and matches the pixels, and writing to memory cannot fail.
     let _ = encoder
         .write_header()
         .and_then(|mut writer| writer.write_image_data(pixels));

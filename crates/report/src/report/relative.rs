@@ -10,7 +10,7 @@ use crate::number;
 use crate::results::Calibrations;
 use crate::statistics::NORMAL_97_5_ROUNDED;
 
-/// A method and what it found.
+/// The result of a method.
 struct Column {
     name: &'static str,
     found: RelativeMounting,
@@ -24,19 +24,19 @@ pub fn tables(calibrations: &Calibrations) -> String {
     let mut out = String::new();
     for (i, found) in result.relative().into_iter().enumerate() {
         let truth = truth.map(|truth| relative(&truth[0], &truth[i + 1]));
-        let of = |calibration: &Calibration| Column {
+        let column = |calibration: &Calibration| Column {
             name: method_name(calibration.method),
             found: calibration.relative().swap_remove(i),
             is_result: false,
         };
         let two_steps = calibrations.two_steps();
-        let two_steps = two_steps.filter(|found| found.method != result.method);
-        let mut columns: Vec<Column> = two_steps.map(of).into_iter().collect();
+        let two_steps = two_steps.filter(|calibration| calibration.method != result.method);
+        let mut columns: Vec<Column> = two_steps.map(column).into_iter().collect();
         let heading = format!("{} relative to {}", found.name, found.first);
         columns.push(Column {
             found,
             is_result: true,
-            ..of(result)
+            ..column(result)
         });
         out.push_str(&format!("<h3>Scanner {}</h3>\n", escape(&heading)));
         out.push_str(&table(&columns, truth.as_ref()));
@@ -99,28 +99,28 @@ fn values(pose: &ScannerFromScanner) -> [f64; 6] {
     [t.x, t.y, t.z, turn.x, turn.y, turn.z]
 }
 
-/// Found minus true along and about the axes of the first scanner, metres and degrees.
-fn errors(found: &ScannerFromScanner, truth: &ScannerFromScanner) -> [f64; 6] {
-    let shift = found.translation_m - truth.translation_m;
-    let turn = so3::log(&(found.rotation * truth.rotation.inverse()));
+/// Estimated minus true values along and about the axes of the first scanner, metres and degrees.
+fn errors(estimated: &ScannerFromScanner, truth: &ScannerFromScanner) -> [f64; 6] {
+    let shift = estimated.translation_m - truth.translation_m;
+    let turn = so3::log(&(estimated.rotation * truth.rotation.inverse()));
     let turn = turn.map(f64::to_degrees);
     [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
 }
 
-/// To 0.001 mm and 0.0001°.
+/// A value to 0.001 mm or 0.0001°.
 fn show(parameter: usize, value: f64) -> String {
     number::fixed(value, if parameter < 3 { 6 } else { 4 })
 }
 
-fn cell(found: &RelativeMounting, truth: Option<&ScannerFromScanner>, i: usize) -> String {
-    let pose = &found.first_from_scanner;
+fn cell(relative: &RelativeMounting, truth: Option<&ScannerFromScanner>, i: usize) -> String {
+    let pose = &relative.first_from_scanner;
     let (factor, unit) = if i < 3 {
         (1e3, "\u{202f}mm")
     } else {
         (1.0, "°")
     };
     let mut out = format!("<span class=\"value\">{}</span>", show(i, values(pose)[i]));
-    let sigma = found.sigma[i].filter(|sigma| sigma.is_finite());
+    let sigma = relative.sigma[i].filter(|sigma| sigma.is_finite());
     let sigma = sigma.map(|sigma| if i < 3 { sigma } else { sigma.to_degrees() });
     if let Some(sigma) = sigma {
         let text = number::sigma(factor * sigma);

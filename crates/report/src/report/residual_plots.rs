@@ -73,14 +73,14 @@ fn of_sensor(
     let name = sensor_name(&sensor.name);
     let mut charts = String::new();
     for index in 0..components {
-        let of = |is_used: bool| -> Vec<[f64; 2]> {
+        let points = |is_used: bool| -> Vec<[f64; 2]> {
             residuals
                 .iter()
                 .filter(|r| (r.weight > 0.0) == is_used)
                 .filter_map(|r| Some([r.time_s - start, factor * r.values.get(index)?]))
                 .collect()
         };
-        let (used, rejected) = (of(true), of(false));
+        let (used, rejected) = (points(true), points(false));
         let reach = used
             .iter()
             .map(|p| 1.05 * p[1].abs())
@@ -300,10 +300,10 @@ mod tests {
                 )
             })
             .collect();
-        let found = gaps(used_s(&list), (5.0, 20.5));
-        assert_eq!(found.len(), 2, "{found:?}");
-        assert_eq!(found[0], (5.0, 10.0));
-        assert!((found[1].0 - 13.9).abs() < 1e-9 && (found[1].1 - 16.0).abs() < 1e-9);
+        let spans = gaps(used_s(&list), (5.0, 20.5));
+        assert_eq!(spans.len(), 2, "{spans:?}");
+        assert_eq!(spans[0], (5.0, 10.0));
+        assert!((spans[1].0 - 13.9).abs() < 1e-9 && (spans[1].1 - 16.0).abs() < 1e-9);
         assert_eq!(gaps(std::iter::empty(), (0.0, 3.0)), [(0.0, 3.0)]);
     }
 }

@@ -15,9 +15,9 @@ type Pair<'a> = (String, Vec<(&'a str, &'a [Agreement])>);
 fn pairs(drives: &[Drive]) -> Vec<Pair<'_>> {
     let mut pairs: Vec<Pair> = Vec::new();
     for drive in drives {
-        for found in drive.agreements.pairs() {
-            let name = found[0].pair();
-            let of_drive = (drive.name.as_str(), found);
+        for agreements in drive.agreements.pairs() {
+            let name = agreements[0].pair();
+            let of_drive = (drive.name.as_str(), agreements);
             match pairs.iter_mut().find(|(pair, _)| *pair == name) {
                 Some((_, drives)) => drives.push(of_drive),
                 None => pairs.push((name, vec![of_drive])),
@@ -50,8 +50,7 @@ pub fn method_name(method: Method) -> &'static str {
     }
 }
 
-/// Name of a mounting in tables and maps. Beside two steps, the result is that of the joint
-/// adjustment.
+/// Name of a mounting in tables and maps. If two steps are shown too, the result is that of the joint adjustment.
 pub fn mounting_name(kind: MountingKind, is_joint: bool) -> &'static str {
     match kind {
         MountingKind::Final if is_joint => "joint adjustment",
@@ -63,7 +62,7 @@ pub fn mounting_name(kind: MountingKind, is_joint: bool) -> &'static str {
 fn rmse(pairs: &[Pair]) -> String {
     let has = |kind: MountingKind| {
         let mut all = pairs.iter().flat_map(|(_, drives)| drives);
-        all.any(|(_, found)| found.iter().any(|f| f.mounting == kind))
+        all.any(|(_, agreements)| agreements.iter().any(|f| f.mounting == kind))
     };
     let kinds = [
         MountingKind::Initial,
@@ -93,8 +92,8 @@ fn rmse(pairs: &[Pair]) -> String {
     for (pair, drives) in pairs {
         for (i, (drive, all)) in drives.iter().enumerate() {
             let find = |kind: MountingKind| {
-                let found = all.iter().find(|found| found.mounting == kind);
-                let statistics = found.map(|found| &found.statistics);
+                let agreement = all.iter().find(|agreement| agreement.mounting == kind);
+                let statistics = agreement.map(|agreement| &agreement.statistics);
                 statistics.map_or([f64::NAN; 2], |s| [s.rmse_m, s.nmad_m])
             };
             let [first, _] = find(MountingKind::Initial);
@@ -136,20 +135,20 @@ fn statistics(pairs: &[Pair]) -> String {
         let mut body = String::new();
         for (drive, all) in drives {
             let is_joint = all.iter().any(|f| f.mounting == MountingKind::TwoStep);
-            for (i, found) in all.iter().enumerate() {
-                let s = &found.statistics;
+            for (i, agreement) in all.iter().enumerate() {
+                let s = &agreement.statistics;
                 let mut classes = Vec::new();
                 if i == 0 {
                     classes.push("first");
                 }
-                if found.mounting == MountingKind::Final {
+                if agreement.mounting == MountingKind::Final {
                     classes.push("result");
                 }
                 body.push_str(&format!(
                     "<tr class=\"{}\"><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                     classes.join(" "),
                     if i == 0 { escape(drive) } else { String::new() },
-                    mounting_name(found.mounting, is_joint),
+                    mounting_name(agreement.mounting, is_joint),
                     number::signed(number::millimetres(s.mean_m)),
                     number::millimetres(s.std_m),
                     number::millimetres(s.rmse_m),

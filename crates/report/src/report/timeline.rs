@@ -1,4 +1,4 @@
-//! When each sensor was there: spans with records, gaps, and what was rejected, on one axis of time.
+//! When each sensor delivered records: spans with records, gaps, and rejected records, on one time axis.
 
 use super::axis::Axis;
 use super::chart::Plot;
@@ -15,7 +15,7 @@ const ROW: f64 = 26.0;
 /// One sensor.
 struct Row {
     name: String,
-    /// From and to, seconds.
+    /// Spans with records, from and to, seconds.
     there: Vec<(f64, f64)>,
     rejected_s: Vec<f64>,
 }
@@ -95,7 +95,7 @@ fn rows(drive: &Drive, scene: Option<&Scene>) -> Vec<Row> {
     rows
 }
 
-/// What is left of a span without these parts of it, which are in the order of time.
+/// The parts of a span outside these gaps, which are in the order of time.
 fn between((from_s, to_s): (f64, f64), gaps: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut all = Vec::new();
     let mut begin = from_s;
@@ -117,8 +117,8 @@ mod tests {
 
     #[test]
     fn what_is_between_gaps_is_there() {
-        let found = between((0.0, 10.0), &[(0.0, 1.0), (4.0, 5.0), (9.0, 10.0)]);
-        assert_eq!(found, [(1.0, 4.0), (5.0, 9.0)]);
+        let spans = between((0.0, 10.0), &[(0.0, 1.0), (4.0, 5.0), (9.0, 10.0)]);
+        assert_eq!(spans, [(1.0, 4.0), (5.0, 9.0)]);
         assert_eq!(between((0.0, 3.0), &[]), [(0.0, 3.0)]);
         assert_eq!(between((0.0, 3.0), &[(0.0, 3.0)]), []);
     }

@@ -1,7 +1,7 @@
-//! The distance at a point: that of the nearest core point.
+//! The distance at a point, taken from the nearest core point.
 //!
-//! A cloud that is off lies above or below the core points by as much as a distance may be, and beside them by no
-//! more than their spacing. Heights therefore count less than what is east and north, in this ratio.
+//! A misplaced cloud lies above or below the core points by up to the longest distance, and beside them by no more
+//! than their spacing. Height differences therefore count less than horizontal ones, in this ratio.
 
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::comparison::DistanceMap;
@@ -10,17 +10,17 @@ use crate::geometry::Vec3;
 /// The core points of a comparison, by place.
 pub struct Distances {
     reach_m: f64,
-    /// By what heights are divided.
+    /// Divisor of heights.
     flatter: f64,
-    /// Core points with these heights, and what they know.
+    /// Core points with divided heights, each with its distance and level of detection.
     core: Vec<(Vec3, [f64; 2])>,
-    /// Where the core points of a voxel begin and end.
+    /// First and end index of the core points of a voxel.
     voxels: VoxelMap<VoxelKey, (u32, u32)>,
 }
 
 impl Distances {
-    /// Those of a map, found from up to `reach_m` beside them, the spacing of core points, and from up to `most_m`
-    /// above or below; both are positive.
+    /// The distances of a map. Core points are searched up to `reach_m` to the side, the spacing of core points, and up
+    /// to `most_m` above or below; both are positive.
     pub fn new(map: &DistanceMap, reach_m: f64, most_m: f64) -> Self {
         let flatter = (most_m / reach_m).max(1.0);
         let points = map.points().zip(map.levels_of_detection_m());
@@ -49,7 +49,7 @@ impl Distances {
         }
     }
 
-    /// Distance and level of detection of the core point nearest to `point`, metres; NaN without one within reach.
+    /// Distance and level of detection of the core point nearest to `point`, metres; NaN if none is within reach.
     pub fn at(&self, point: &Vec3) -> [f64; 2] {
         let point = flattened(point, self.flatter);
         let [x, y, z] = voxel_key(&point, self.reach_m);

@@ -1,4 +1,4 @@
-//! A scene from the points that were kept of a drive.
+//! Gathers a scene from the points of a drive that were kept for it.
 
 use super::input::{Input, Scan};
 use super::outline::outline;
@@ -45,9 +45,10 @@ pub fn gather(input: &Input) -> Option<Scene> {
     };
     let views = input.views.iter().zip(&sets);
     let (reference, reference_of) = reference(input.reference, &places, &frame.origin_m);
-    let against = match input.reference.is_empty() {
-        true => "another scanner",
-        false => "the reference",
+    let against = if input.reference.is_empty() {
+        "another scanner"
+    } else {
+        "the reference"
     };
     let places = places.into_iter().map(|place| Place {
         centre_m: place.centre_m - frame.origin_m,
@@ -74,7 +75,7 @@ pub fn gather(input: &Input) -> Option<Scene> {
     })
 }
 
-/// From where and in which steps positions and times count.
+/// Origin and steps of positions and times.
 struct Frame {
     origin_m: Vec3,
     step_m: f64,
@@ -83,11 +84,11 @@ struct Frame {
 }
 
 impl Frame {
-    /// That of the profiles of all scanners, with its origin at a pose of the set `set`; `None` without any.
+    /// The frame of the profiles of all scanners, with its origin at a pose of the set `set`; `None` without any.
     fn around(selected: &[Vec<Chosen>], set: usize) -> Option<Self> {
         let all = selected.iter().flatten().map(|(profile, _)| profile);
         let first = all.clone().next()?;
-        // Whole metres do not burden coordinates with digits.
+        // An origin in whole metres adds no digits to the coordinates.
         let origin_m = first.poses[set].translation_m.map(f64::round);
         let start_s = all
             .clone()
@@ -129,7 +130,7 @@ impl Frame {
         }
     }
 
-    /// The poses of the profiles of a scanner by the trajectory number `set`.
+    /// The poses of the profiles of a scanner, by the trajectory number `set`.
     fn track(&self, set: usize, chosen: &[Chosen]) -> Track {
         let mut track = Track::default();
         for (profile, _) in chosen {

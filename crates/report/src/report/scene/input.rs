@@ -1,4 +1,4 @@
-//! What a scene is gathered from.
+//! The input from which a scene is gathered.
 
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
@@ -6,23 +6,23 @@ use crate::joint::SurfelPlane;
 use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
 
-/// What is known of a drive.
+/// The data of a drive.
 pub struct Input<'a> {
-    /// Origin of the coordinates, which they lack, metres.
+    /// Origin that is subtracted from the coordinates, metres.
     pub origin_m: Vec3,
-    /// One a scanner.
+    /// The scans of each scanner.
     pub scans: Vec<Scan<'a>>,
-    /// The ways in which the points are placed; the last is that of the result.
+    /// The ways in which the points are placed; the last is the result.
     pub views: Vec<View<'a>>,
-    /// The distances.
+    /// The distances between the clouds.
     pub agreements: &'a Agreements,
-    /// How they were found.
+    /// The settings with which the distances were computed.
     pub settings: &'a ComparisonSettings,
     /// The reference, metres; empty without one.
     pub reference: &'a [Vec3],
-    /// The surface that an adjustment found.
+    /// The surface that an adjustment estimated.
     pub planes: &'a [SurfelPlane],
-    /// About how many points are taken.
+    /// Approximate number of points to take.
     pub most_points: usize,
 }
 
@@ -44,9 +44,9 @@ pub struct View<'a> {
     pub kind: MountingKind,
     /// The poses of the body.
     pub trajectory: &'a Trajectory,
-    /// One a scanner.
+    /// The mounting of each scanner.
     pub mountings: &'a [BodyFromScanner],
-    /// How each moves about it; empty where they are rigid.
+    /// The motion of each scanner about its mounting; empty if mountings are rigid.
     pub bending: &'a [Bending],
 }
 

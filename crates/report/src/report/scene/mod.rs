@@ -1,11 +1,11 @@
-//! The clouds of a drive for the page: what its viewer moves and draws.
+//! The clouds of a drive for the page, which its viewer moves and draws.
 //!
-//! Points are kept in the scanner frame, and with them for every profile the pose of the body and where the
-//! mounting moves also the mounting. The viewer computes x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s) itself, so that
-//! one set of points serves every mounting they are shown with. Lengths are quantised.
+//! Points are stored in the scanner frame. Each profile stores the pose of the body and, if the mounting moves, the
+//! mounting. The viewer computes x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s) itself, so that one set of points serves
+//! every mounting they are shown with. Lengths are quantised.
 //!
 //! [`gather()`] makes a scene of a drive, and [`section()`] its markup with the data in base64; `web/README.md`
-//! describes their bytes.
+//! describes the bytes.
 
 mod distances;
 mod gather;
@@ -40,27 +40,27 @@ pub struct Scene {
     pub origin_m: Vec3,
     /// Step of positions of body and scanners, metres.
     pub step_m: f64,
-    /// Time from which times count, seconds on the common clock.
+    /// Start of the times, seconds on the common clock.
     pub start_s: f64,
     /// Step of times, seconds.
     pub step_s: f64,
-    /// One a scanner.
+    /// The points of each scanner.
     pub fans: Vec<Fan>,
-    /// Poses of the body: for each distinct trajectory, and each scanner, those of its profiles.
+    /// Poses of the body: for each distinct trajectory and each scanner, the poses of its profiles.
     pub poses: Vec<Vec<Track>>,
     /// The ways in which the points are placed.
     pub variants: Vec<Variant>,
-    /// What the M3C2 distances are to.
+    /// Name of the cloud to which the M3C2 distances are measured.
     pub against: String,
     /// Points of the reference, in steps of 10 µm.
     pub reference: Places,
-    /// Number of points of the whole reference.
+    /// Number of points of the complete reference.
     pub reference_of: u64,
-    /// Patches of the surface that the adjustment found.
+    /// Surfels of the surface that the adjustment estimated.
     pub surfels: Surfels,
-    /// Places for sections; around them all points are there that were kept for comparison.
+    /// Places for sections; around them, all points that were kept for comparison are included.
     pub places: Vec<Place>,
-    /// Radius around a place within which all of them are, metres.
+    /// Radius around a place within which all points are included, metres.
     pub place_radius_m: f64,
 }
 stored!(struct Scene {
@@ -68,16 +68,16 @@ stored!(struct Scene {
     places, place_radius_m
 });
 
-/// Patches of a surface.
+/// Surfels of a surface.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Surfels {
-    /// Their centres from the origin, in steps of 10 µm.
+    /// Their centres relative to the origin, in steps of 10 µm.
     pub centres: Places,
     /// East, north and up of their normals, −1 to 1 in steps of 1/127, as bytes in two's complement.
     pub normals: [Vec<u8>; 3],
-    /// Standard deviation of points about each, metres.
+    /// Standard deviation of the points about each surfel, metres.
     pub roughness: Bytes,
-    /// The edge of all of them, metres.
+    /// The edge of every surfel, metres.
     pub size_m: f64,
 }
 stored!(struct Surfels { centres, normals, roughness, size_m });
@@ -105,7 +105,7 @@ pub struct Fan {
     pub numbers: Vec<i32>,
     /// Pass of each profile, 0 on none.
     pub passes: Vec<u16>,
-    /// The far end of its field of view, in the scanner frame, metres; empty where it is no fan.
+    /// The far end of its field of view, in the scanner frame, metres; empty if it is not a fan.
     pub outline_m: Vec<Vec3>,
 }
 stored!(struct Fan { name, of, coordinates, counts, times, numbers, passes, outline_m });
@@ -115,11 +115,11 @@ stored!(struct Fan { name, of, coordinates, counts, times, numbers, passes, outl
 pub struct Variant {
     /// The mountings.
     pub kind: MountingKind,
-    /// Which of the [`Scene::poses`].
+    /// Index into [`Scene::poses`].
     pub poses: usize,
-    /// The mounting of each scanner; where it moves, the one about which it does.
+    /// The mounting of each scanner; if it moves, the mounting about which it moves.
     pub mountings: Vec<BodyFromScanner>,
-    /// The mounting at each profile of each scanner, in steps of [`Scene::step_m`]; empty where they are rigid.
+    /// The mounting at each profile of each scanner, in steps of [`Scene::step_m`]; empty if mountings are rigid.
     pub moving: Vec<Track>,
     /// M3C2 distance at each point of each scanner, metres.
     pub distances: Vec<Bytes>,
@@ -127,7 +127,7 @@ pub struct Variant {
     pub detections: Vec<Bytes>,
     /// Omnivariance of the nearest points of all scanners, among those shown, mm².
     pub omnivariances: Vec<Bytes>,
-    /// Standard deviation of the position of the body when a point was seen, in 3D, metres.
+    /// Standard deviation of the 3D position of the body when a point was measured, metres.
     pub pose_sigmas: Vec<Bytes>,
 }
 stored!(struct Variant {

@@ -3,18 +3,17 @@
 use crate::geometry::Vec3;
 use crate::statistics::{median, quantile};
 
-/// Directions in which the outline has a point.
+/// Number of directions in which the outline has a point.
 const DIRECTIONS: usize = 24;
-/// Share of points at either end that are left out: single points lie far aside.
+/// Share of points at either end that are left out, because single points lie far off.
 const TAIL: f64 = 0.005;
-/// Quantile of the distances in a direction: what stands on the ground is nearer.
+/// Quantile of the distances in a direction: objects on the ground are nearer.
 const FAR: f64 = 0.99;
-/// Points of a fan lie in its plane to this share of their distance.
+/// Points of a fan lie in its plane within this share of their distance.
 const FLAT: f64 = 0.01;
 
-/// The distance of the far points in each direction, from one side of the fan to the other, in the scanner
-/// frame, metres; empty where the points lie in no plane through the scanner, as those of a rotating head, or
-/// all around it.
+/// The distance of the far points in each direction, from one side of the fan to the other, in the scanner frame,
+/// metres; empty if the points lie in no plane through the scanner, such as those of a rotating head, or all around it.
 pub fn outline(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     let usable = points.filter(|p| p.norm().is_finite() && p.norm() > 0.0);
     let middle: Vec3 = usable.clone().map(|p| p.normalize()).sum();
@@ -60,16 +59,16 @@ mod tests {
     #[test]
     fn a_fan_over_flat_ground_ends_at_the_ground() {
         let points = (-500..=500).map(|i| Vec3::new(f64::from(i) * 1e-3, 0.0, 0.8));
-        let found = outline(points);
-        assert_eq!(found.len(), DIRECTIONS);
-        // Over the width of a direction, the ground recedes by a centimetre at either end.
+        let outline = outline(points);
+        assert_eq!(outline.len(), DIRECTIONS);
+        // Within the width of a direction, the distance of the ground grows by a centimetre towards either end.
         assert!(
-            found
+            outline
                 .iter()
                 .all(|p| (p.z - 0.806).abs() < 7e-3 && p.y == 0.0),
-            "{found:?}"
+            "{outline:?}"
         );
-        let (first, last) = (found[0].x, found[DIRECTIONS - 1].x);
+        let (first, last) = (outline[0].x, outline[DIRECTIONS - 1].x);
         assert!(
             first.min(last) < -0.44 && first.max(last) > 0.44,
             "{first} {last}"

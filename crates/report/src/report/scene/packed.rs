@@ -1,8 +1,8 @@
-//! A scene as bytes: one deflated stream, and a header that says what lies where.
+//! A scene as bytes: one deflated stream, and a header with the place of each list.
 //!
-//! Lists of 16 and 32 bits are written as differences from one number to the next (modulo 2¹⁶ or 2³², the first
-//! from 0), and these byte by byte: all lowest bytes, then all next ones. Neighbours resemble each other, so that
-//! the higher bytes are nearly all the same and deflate to little.
+//! Lists of 16 and 32 bits are written as differences from one number to the next (modulo 2¹⁶ or 2³², the first from
+//! 0), and these differences byte by byte: all lowest bytes, then all next bytes. Because neighbours resemble each
+//! other, the higher bytes are nearly all the same and compress well.
 
 use std::io::Write as _;
 
@@ -15,17 +15,17 @@ use super::quantised::{Bytes, Places, ROTATION_STEP, Range16, Track};
 use super::{Fan, REFERENCE_STEP_M, Scene, Variant};
 use crate::geometry::{BodyFromScanner, Vec3};
 
-/// A scene as it stands in the page.
+/// A scene in the form in which it is embedded in the page.
 #[derive(Debug)]
 pub struct Packed {
-    /// What it holds and where.
+    /// The contents of the stream and their places.
     pub header: Value,
     /// The bytes of its lists, deflated (zlib).
     pub deflated: Vec<u8>,
 }
 
 impl Packed {
-    /// Of a scene, with the names of its variants.
+    /// Packs a scene, with the names of its variants.
     pub fn of(scene: &Scene, name: &str, variant_names: &[&str]) -> Self {
         let mut lists = Lists::default();
         let fans: Vec<Value> = scene.fans.iter().map(|fan| lists.fan(fan)).collect();
@@ -100,14 +100,14 @@ fn transform(pose: &BodyFromScanner) -> Value {
     })
 }
 
-/// Lists one after the other.
+/// Lists, one after the other.
 #[derive(Default)]
 struct Lists {
     bytes: Vec<u8>,
 }
 
 impl Lists {
-    /// Appends numbers of `width` bytes; returns where they are.
+    /// Appends numbers of `width` bytes each; returns their place.
     fn put(&mut self, width: usize, numbers: impl Iterator<Item = u32>) -> Value {
         let mut last = 0_u32;
         let differences: Vec<[u8; 4]> = numbers
@@ -133,7 +133,7 @@ impl Lists {
         self.put(4, numbers.iter().map(|&x| x as u32))
     }
 
-    /// Bytes as they are.
+    /// Appends bytes unchanged; returns their place.
     fn plain(&mut self, bytes: &[u8]) -> Value {
         let at = self.bytes.len();
         self.bytes.extend_from_slice(bytes);
@@ -141,9 +141,10 @@ impl Lists {
     }
 
     fn range(&mut self, range: &Range16) -> Value {
-        let values = match range.values.is_empty() {
-            true => Value::Null,
-            false => self.shorts(&range.values),
+        let values = if range.values.is_empty() {
+            Value::Null
+        } else {
+            self.shorts(&range.values)
         };
         json!({ "low": range.low, "high": range.high, "values": values })
     }
@@ -193,7 +194,7 @@ impl Lists {
         })
     }
 
-    /// A value at each point.
+    /// Appends a value for each point.
     fn attribute(&mut self, name: &str, unit: &str, fans: &[Bytes]) -> Value {
         let values: Vec<Value> = fans.iter().map(|fan| self.plain(&fan.values)).collect();
         let ends = fans.first().map_or((0.0, 0.0), |fan| (fan.low, fan.high));

@@ -4,31 +4,31 @@ use crate::geometry::Vec3;
 use crate::geometry::heading::{heading_rad, wrap};
 use crate::trajectory::Trajectory;
 
-/// Time between two looks at the trajectory, seconds.
+/// Sampling interval of the trajectory, seconds.
 const STEP_S: f64 = 0.25;
-/// No drive is longer; times of a damaged file may be.
+/// Longest drive: only times of a damaged file span more.
 const LONGEST_S: f64 = 7.0 * 86_400.0;
 /// How long before and after a time the headings are compared, seconds.
 const REACH_S: f64 = 1.0;
-/// A change of heading over twice the reach that is a turn, radians.
+/// Smallest change of heading over twice the reach that is a turn, radians.
 const TURN_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
-/// A way over twice the reach that is not rest, metres.
+/// Smallest displacement over twice the reach that is not rest, metres.
 const MOVED_M: f64 = 0.05;
 
 /// The passes along a drive.
 #[derive(Debug)]
 pub struct Passes {
     first_s: f64,
-    /// Every [`STEP_S`].
+    /// One number every [`STEP_S`].
     numbers: Vec<u16>,
 }
 
 impl Passes {
-    /// Those of a trajectory.
+    /// The passes of a trajectory.
     pub fn of(trajectory: &Trajectory) -> Self {
         let trajectory = trajectory.clone().without_limits();
         let (first_s, last_s) = trajectory.span_s();
-        // What comes after a week is on no pass.
+        // Times after a week belong to no pass.
         let steps = ((last_s - first_s).min(LONGEST_S) / STEP_S).ceil() as usize;
         let mut passes = 0_u16;
         // Whether the pass goes forwards; `None` on no pass.
@@ -56,7 +56,7 @@ impl Passes {
         }
     }
 
-    /// The number of the pass at a time, from 1; 0 while the body turns, and before it moves.
+    /// The number of the pass at a time, from 1; 0 while the body turns and before it moves.
     pub fn at(&self, time_s: f64) -> u16 {
         let step = ((time_s - self.first_s) / STEP_S).round().max(0.0) as usize;
         self.numbers.get(step).copied().unwrap_or(0)
@@ -88,7 +88,7 @@ mod tests {
         };
         let times_s = (0..=400).map(|i| 0.1 * f64::from(i));
         let passes = Passes::of(&Trajectory::new(times_s.map(pose).collect()).unwrap());
-        let found = [5.0, 15.0, 25.0, 35.0, 99.0].map(|time_s| passes.at(time_s));
-        assert_eq!(found, [1, 0, 2, 3, 0]);
+        let numbers = [5.0, 15.0, 25.0, 35.0, 99.0].map(|time_s| passes.at(time_s));
+        assert_eq!(numbers, [1, 0, 2, 3, 0]);
     }
 }

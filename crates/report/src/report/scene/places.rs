@@ -1,36 +1,36 @@
-//! Where a section shows most: level and steep surfaces that several scanners or passes saw.
+//! Places where a section shows most: level and steep surfaces that several scanners or passes saw.
 
 use crate::cloud::StructureTensor;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::Vec3;
 use crate::stored::stored;
 
-/// Edge of the cells in which surfaces are looked for, metres.
+/// Edge of the cells that are searched for surfaces, metres.
 const CELL_M: f64 = 0.15;
-/// Fewest points of a cell, and most of them that are looked at.
+/// Fewest points of a cell, and most of its points that are used.
 const POINTS: [usize; 2] = [40, 600];
-/// Standard deviation of the points of a cell across its plane up to which it is a board, metres.
+/// Largest standard deviation of the points of a cell across its plane for the cell to count as a board, metres.
 const BOARD_M: f64 = 0.003;
-/// By how much a board is rougher that one more pass must have seen, metres.
+/// Additional roughness of a board that one more pass outweighs, metres.
 const ROUGH_M: f64 = 0.000_25;
-/// Extent of a cell that is filled, as standard deviations along its plane: an edge has less.
+/// Extent of a filled cell, as standard deviations along its plane: a cell at an edge has a smaller extent.
 const FILLED_M: f64 = 0.2 * CELL_M;
-/// Neighbours of a cell in the midst of a board that are like it.
+/// Number of similar neighbours of a cell in the middle of a board.
 const LIKE_IT: usize = 4;
-/// Slopes of what is level and of what is steep, radians.
+/// Slopes of level and of steep surfaces, radians.
 const LEVEL_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 const STEEP_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
 
 /// A place for a section.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Place {
-    /// What it is.
+    /// Description of the surface.
     pub name: String,
     /// Its centre, metres.
     pub centre_m: Vec3,
     /// Slope of its surface, radians.
     pub slope_rad: f64,
-    /// Number of scanners and passes that saw it: each pass of each scanner counts.
+    /// Number of passes that saw it, counted for each scanner.
     pub seen: usize,
 }
 stored!(struct Place { name, centre_m, slope_rad, seen });
@@ -47,13 +47,14 @@ struct Cell {
     seen: usize,
 }
 
-/// The places of points with what saw them: a number for each pass of each scanner. The first is the most telling.
+/// The places among points, each with the number of the pass of the scanner that saw it. The first place is the most
+/// telling.
 pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
     let cells = cells(points);
     let by_key: VoxelMap<VoxelKey, &Cell> = cells.iter().map(|cell| (cell.key, cell)).collect();
     let boards: Vec<&Cell> = cells
         .iter()
-        .filter(|cell| is_board(cell) && like_it(cell, &by_key) >= LIKE_IT)
+        .filter(|cell| is_board(cell) && similar_neighbours(cell, &by_key) >= LIKE_IT)
         .collect();
     let most = |cells: &[&Cell], score: &dyn Fn(&Cell) -> f64| -> Option<Place> {
         let best = cells
@@ -66,39 +67,39 @@ pub fn places(points: &[(Vec3, u32)]) -> Vec<Place> {
             seen: best.seen,
         })
     };
-    let named = |name: &str, found: Option<Place>| {
-        found.map(|place| Place {
+    let named = |name: &str, place: Option<Place>| {
+        place.map(|place| Place {
             name: name.into(),
             ..place
         })
     };
     let seen = |cell: &Cell| cell.seen as f64;
-    // A surface that more passes saw shows more, unless it is rough, and up to some degrees of slope.
+    // A surface that more passes saw shows more, unless it is rough; a slope helps up to some degrees.
     let smooth = |cell: &Cell| seen(cell).min(6.0) - cell.thickness_m / ROUGH_M;
-    let of = |test: &dyn Fn(&Cell) -> bool| -> Vec<&Cell> {
+    let cells_with = |test: &dyn Fn(&Cell) -> bool| -> Vec<&Cell> {
         boards.iter().copied().filter(|cell| test(cell)).collect()
     };
-    let level = of(&|cell| cell.slope_rad < LEVEL_RAD);
-    let steep = of(&|cell| cell.slope_rad > STEEP_RAD);
+    let level = cells_with(&|cell| cell.slope_rad < LEVEL_RAD);
+    let steep = cells_with(&|cell| cell.slope_rad > STEEP_RAD);
     let rough: Vec<&Cell> = cells
         .iter()
         .filter(|cell| cell.is_filled && !is_board(cell))
         .collect();
     let steepest = |cell: &Cell| cell.slope_rad.to_degrees() + 5.0 * seen(cell).min(4.0);
-    let found = [
+    let places = [
         named("steepest board", most(&steep, &steepest)),
         named("level board", most(&level, &smooth)),
         named("ground that was seen most", most(&rough, &seen)),
     ];
-    found.into_iter().flatten().collect()
+    places.into_iter().flatten().collect()
 }
 
 fn is_board(cell: &Cell) -> bool {
     cell.is_filled && cell.thickness_m < BOARD_M
 }
 
-/// Number of neighbours that are boards of about the same slope.
-fn like_it(cell: &Cell, by_key: &VoxelMap<VoxelKey, &Cell>) -> usize {
+/// Number of neighbouring boards with about the same slope.
+fn similar_neighbours(cell: &Cell, by_key: &VoxelMap<VoxelKey, &Cell>) -> usize {
     let [x, y, z] = cell.key;
     let around = (0..27).map(|place| [x + place % 3 - 1, y + place / 3 % 3 - 1, z + place / 9 - 1]);
     let others = around.filter(|key| *key != cell.key);
@@ -158,10 +159,10 @@ mod tests {
             // 45° of slope, five metres to the east.
             points.push((Vec3::new(5.0 + x, y, 0.3 + x), by));
         }
-        let found = places(&points);
-        let names: Vec<&str> = found.iter().map(|place| place.name.as_str()).collect();
+        let ranked = places(&points);
+        let names: Vec<&str> = ranked.iter().map(|place| place.name.as_str()).collect();
         assert_eq!(names, ["steepest board", "level board"]);
-        let (steep, level) = (&found[0], &found[1]);
+        let (steep, level) = (&ranked[0], &ranked[1]);
         assert!(
             (steep.slope_rad.to_degrees() - 45.0).abs() < 1.0,
             "{steep:?}"

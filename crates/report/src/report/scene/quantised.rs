@@ -1,4 +1,4 @@
-//! Numbers in few bits, with the steps in which they count.
+//! Numbers quantised to few bits, with the size of their steps.
 
 use crate::geometry::{Rotation, Transform, Vec3};
 use crate::stored::stored;
@@ -6,13 +6,13 @@ use crate::stored::stored;
 /// Steps between the ends of a [`Range16`].
 const STEPS_16: f64 = u16::MAX as f64;
 
-/// Steps between the ends of [`Bytes`]: 0 stands for an unknown value.
+/// Steps between the ends of [`Bytes`]; the byte 0 stands for an unknown value.
 const STEPS_8: f64 = 254.0;
 
-/// Step of the components of a quaternion: they reach from −1 to 1.
+/// Step of the components of a quaternion, which range from −1 to 1.
 pub const ROTATION_STEP: f64 = 1.0 / (1_u32 << 30) as f64;
 
-/// Numbers in 16 bits over the range that they fill. They are off by up to half of a step.
+/// Numbers in 16 bits over their range. The error is at most half a step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Range16 {
     /// The smallest number.
@@ -25,7 +25,7 @@ pub struct Range16 {
 stored!(struct Range16 { low, high, values });
 
 impl Range16 {
-    /// Of finite numbers.
+    /// Quantises finite numbers.
     pub fn of(numbers: impl Iterator<Item = f64> + Clone) -> Self {
         let ends = |(low, high): (f64, f64), x: f64| (low.min(x), high.max(x));
         let (low, high) = numbers
@@ -48,13 +48,13 @@ impl Range16 {
     }
 }
 
-/// Numbers in a byte each: 0 for an unknown one, 1 to 255 from the low to the high end. Those beyond an end are
-/// that end.
+/// Numbers in one byte each: 0 for an unknown number, 1 to 255 from the low to the high end. Numbers beyond an end are
+/// clamped to it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bytes {
-    /// What 1 stands for.
+    /// The number that 1 stands for.
     pub low: f64,
-    /// What 255 stands for.
+    /// The number that 255 stands for.
     pub high: f64,
     /// The bytes.
     pub values: Vec<u8>,
@@ -62,15 +62,16 @@ pub struct Bytes {
 stored!(struct Bytes { low, high, values });
 
 impl Bytes {
-    /// Of numbers that are unknown where they are not finite.
+    /// Quantises numbers; those that are not finite are unknown.
     pub fn of((low, high): (f64, f64), numbers: impl Iterator<Item = f64>) -> Self {
-        let byte = |x: f64| match x.is_finite() {
-            true => {
+        let byte = |x: f64| {
+            if x.is_finite() {
                 1 + ((x - low) / (high - low) * STEPS_8)
                     .round()
                     .clamp(0.0, STEPS_8) as u8
+            } else {
+                0
             }
-            false => 0,
         };
         Self {
             values: numbers.map(byte).collect(),
@@ -80,7 +81,7 @@ impl Bytes {
     }
 }
 
-/// The smallest multiple of `least` by a power of two with which 31 bits reach as far as `reach`, both positive.
+/// The smallest multiple of `least` by a power of two for which 31 bits reach `reach`; both are positive.
 pub fn step_31(least: f64, reach: f64) -> f64 {
     let mut step = least;
     while reach / step >= f64::from(i32::MAX) {
@@ -89,7 +90,7 @@ pub fn step_31(least: f64, reach: f64) -> f64 {
     step
 }
 
-/// Points as whole steps from an origin, one list an axis.
+/// Points as whole steps from an origin, one list per axis.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Places {
     /// x, y and z.
@@ -98,7 +99,7 @@ pub struct Places {
 stored!(struct Places { axes });
 
 impl Places {
-    /// Adds a point, given from the origin in metres, in steps of `step_m`.
+    /// Adds a point in steps of `step_m`; `point_m` is relative to the origin, metres.
     pub fn push(&mut self, point_m: &Vec3, step_m: f64) {
         for (axis, x) in self.axes.iter_mut().zip(point_m.iter()) {
             axis.push((x / step_m).round() as i32);
@@ -111,13 +112,14 @@ impl Places {
 pub struct Track {
     /// Translations.
     pub places: Places,
-    /// The components x, y, z and w of the rotations, in steps of [`ROTATION_STEP`], without jumps of their sign.
+    /// The components x, y, z and w of the rotations, in steps of [`ROTATION_STEP`], without sign changes between
+    /// neighbours.
     pub rotations: [Vec<i32>; 4],
 }
 stored!(struct Track { places, rotations });
 
 impl Track {
-    /// Adds a transform to a frame whose origin lies at `origin_m` of that of its translation.
+    /// Adds a transform; `origin_m` is the origin of the list in the frame of the transform's translation.
     pub fn push<To, From>(&mut self, pose: &Transform<To, From>, origin_m: &Vec3, step_m: f64) {
         self.places.push(&(pose.translation_m - origin_m), step_m);
         let components = self.signed(&pose.rotation);
@@ -126,7 +128,7 @@ impl Track {
         }
     }
 
-    /// The components of a rotation with the sign that is nearer to the last one.
+    /// The components of a rotation, with the sign that is closer to the last rotation.
     fn signed(&self, rotation: &Rotation) -> [f64; 4] {
         let components = <[f64; 4]>::from(rotation.coords);
         let last = self

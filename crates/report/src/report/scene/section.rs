@@ -45,26 +45,26 @@ pub fn section(drives: &[Drive], scenes: &[Option<Scene>]) -> String {
     )
 }
 
-/// The names of the variants of a scene as elsewhere in the page.
+/// The names of the variants of a scene, as in the rest of the page.
 fn variant_names(scene: &Scene) -> Vec<&'static str> {
     let kinds = scene.variants.iter().map(|variant| variant.kind);
     let is_joint = kinds.clone().any(|kind| kind == MountingKind::TwoStep);
     kinds.map(|kind| mounting_name(kind, is_joint)).collect()
 }
 
-/// How many points of a drive are shown.
+/// The number of points of a drive that are shown, in words.
 fn counted(name: &str, scene: &Scene) -> String {
     let shown = scene.fans.iter().flat_map(|fan| &fan.counts);
     let shown: usize = shown.map(|&count| usize::from(count)).sum();
-    let of: u64 = scene.fans.iter().map(|fan| fan.of).sum();
+    let total: u64 = scene.fans.iter().map(|fan| fan.of).sum();
     format!(
         "{name}: {} of {}",
         number::count(shown),
-        number::count(of as usize)
+        number::count(total as usize)
     )
 }
 
-/// JSON that no parser of HTML takes for markup.
+/// JSON that no HTML parser reads as markup.
 fn in_script(value: &Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }

@@ -1,4 +1,4 @@
-//! Which points are shown: profiles with a pose, places of sections, and an even sample.
+//! Selects the points that are shown: profiles with a pose, places of sections, and an even sample.
 
 use super::input::{Scan, View};
 use super::passes::Passes;
@@ -9,11 +9,11 @@ use crate::geometry::{Vec3, WorldFromBody};
 use crate::sensor::ScanPoint;
 use crate::trajectory::Trajectory;
 
-/// Most profiles of a scanner: each has its poses.
+/// Most profiles of a scanner; each profile adds its poses to the page.
 const MOST_PROFILES: usize = 20_000;
-/// Most points by which places of sections are looked for.
+/// Most points that are searched for places of sections.
 const MOST_PLACED: usize = 1_000_000;
-/// Most points of the reference, beside those around the places of sections.
+/// Most points of the reference, in addition to those around the places of sections.
 const MOST_REFERENCE: usize = 60_000;
 
 /// A profile of a scanner.
@@ -27,10 +27,10 @@ pub struct Profile<'a> {
     pub poses: Vec<WorldFromBody>,
 }
 
-/// A profile and those of its points that are shown.
+/// A profile with its points that are shown.
 pub type Chosen<'a> = (Profile<'a>, Vec<ScanPoint>);
 
-/// Whether the n-th of `of` things is one of about `most` that are evenly spread.
+/// Whether item `n` of `of` belongs to a sample of about `most` items that are evenly spread.
 fn is_one_of(n: u64, most: usize, of: usize) -> bool {
     // Multiples of the golden ratio are spread evenly over [0, 2⁶⁴).
     let place = n.wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -69,7 +69,7 @@ pub fn placed(
     set: usize,
     passes: &Passes,
 ) -> Vec<(Vec3, u32)> {
-    let of = count(scans);
+    let total = count(scans);
     let mut n = 0;
     let mut all = Vec::new();
     for (scanner, profiles) in scans.iter().enumerate() {
@@ -79,7 +79,7 @@ pub fn placed(
             let by = scanner as u32 + scans.len() as u32 * pass;
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, MOST_PLACED, of) {
+                if is_one_of(n, MOST_PLACED, total) {
                     all.push((pose.map(&point.position_m), by));
                 }
             }
@@ -94,14 +94,14 @@ fn count(scans: &[Vec<Profile>]) -> usize {
     profiles.map(|profile| profile.points.len()).sum()
 }
 
-/// The profiles with points that are shown: those around the places, and of the others about as many as asked for.
+/// The profiles with the points that are shown: those around the places, and of the rest about the requested number.
 pub fn select<'a>(
     scans: &'a [Vec<Profile<'a>>],
     most_points: usize,
     (view, set): (&View, usize),
     places: &[Place],
 ) -> Vec<Vec<Chosen<'a>>> {
-    let of = count(scans);
+    let total = count(scans);
     let is_near = |point: &Vec3| {
         let reach = PLACE_RADIUS_M.powi(2);
         places
@@ -117,7 +117,7 @@ pub fn select<'a>(
             let mut points = Vec::new();
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, most_points, of) || is_near(&pose.map(&point.position_m)) {
+                if is_one_of(n, most_points, total) || is_near(&pose.map(&point.position_m)) {
                     points.push(*point);
                 }
             }
@@ -135,7 +135,7 @@ pub fn select<'a>(
     all
 }
 
-/// The points of the reference that are shown, from the origin, and of how many.
+/// The points of the reference that are shown, relative to the origin, and the number of all its points.
 pub fn reference(all: &[Vec3], places: &[Place], origin_m: &Vec3) -> (Places, u64) {
     let reach = PLACE_RADIUS_M.powi(2);
     let mut shown = Places::default();

@@ -1,4 +1,4 @@
-//! The patches of the surface of a joint adjustment.
+//! The surfels of a joint adjustment, for the viewer.
 
 use super::quantised::{Bytes, Places};
 use super::{REFERENCE_STEP_M, Surfels};
@@ -7,20 +7,21 @@ use crate::joint::SurfelPlane;
 use crate::number::nice_above;
 use crate::statistics::quantile;
 
-/// Steps of a component of a normal.
+/// Number of steps of a component of a normal from 0 to 1.
 const STEPS: f64 = 127.0;
-/// Quantile of the roughness that bytes reach to.
+/// Quantile of the roughness that the largest byte stands for.
 const REACHED: f64 = 0.98;
 
-/// Those of `planes`, from the origin.
+/// Encodes `planes`; coordinates are relative to the origin.
 pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
     let mut sizes: Vec<f64> = planes.iter().map(|plane| plane.roughness_m).collect();
     sizes.sort_by(f64::total_cmp);
-    let most = match sizes.is_empty() {
-        true => 1.0,
-        false => nice_above(quantile(&sizes, REACHED).max(1e-5)),
+    let most = if sizes.is_empty() {
+        1.0
+    } else {
+        nice_above(quantile(&sizes, REACHED).max(1e-5))
     };
-    let mut found = Surfels {
+    let mut surfels = Surfels {
         roughness: Bytes::of((0.0, most), planes.iter().map(|plane| plane.roughness_m)),
         size_m: planes.first().map_or(0.0, |plane| plane.size_m),
         centres: Places::default(),
@@ -28,18 +29,18 @@ pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
     };
     for plane in planes {
         let from_origin = plane.centre_m - origin_m;
-        found.centres.push(&from_origin, REFERENCE_STEP_M);
-        // The side that is seen from above.
+        surfels.centres.push(&from_origin, REFERENCE_STEP_M);
+        // The side of the surfel that faces up.
         let up = if plane.normal.z < 0.0 {
             -plane.normal
         } else {
             plane.normal
         };
-        for (list, x) in found.normals.iter_mut().zip(up.iter()) {
+        for (list, x) in surfels.normals.iter_mut().zip(up.iter()) {
             list.push(((x * STEPS).round() as i8).cast_unsigned());
         }
     }
-    found
+    surfels
 }
 
 #[cfg(test)]
@@ -54,11 +55,11 @@ mod tests {
             size_m: 0.1,
             roughness_m: 1e-3,
         };
-        let found = surfels(&[plane], &Vec3::new(10.0, 20.0, 3.0));
-        assert_eq!(found.centres.axes, [vec![100_000], vec![50_000], vec![0]]);
-        let normal = found.normals.map(|list| list[0].cast_signed());
+        let encoded = surfels(&[plane], &Vec3::new(10.0, 20.0, 3.0));
+        assert_eq!(encoded.centres.axes, [vec![100_000], vec![50_000], vec![0]]);
+        let normal = encoded.normals.map(|list| list[0].cast_signed());
         assert_eq!(normal, [-76, 0, 102]);
-        assert_eq!(found.size_m, 0.1);
+        assert_eq!(encoded.size_m, 0.1);
         assert_eq!(surfels(&[], &Vec3::zeros()).centres, Places::default());
     }
 }

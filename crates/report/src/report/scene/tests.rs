@@ -1,4 +1,4 @@
-//! Scenes are unpacked as the viewer does, and compared with equation (1) in double precision.
+//! Scenes are unpacked as the viewer unpacks them, and compared with equation (1) in double precision.
 
 use std::io::Read as _;
 
@@ -18,7 +18,7 @@ use boresight_estimation::georeference::Georeferencer;
 
 const OFFSET_S: f64 = 0.015;
 
-/// A drive of two scanners, one of which looks in three dimensions, with a mounting that moves in the end.
+/// A drive of two scanners, one of which scans in three dimensions, with a mounting that moves at the end.
 struct Case {
     own: Trajectory,
     adjusted: Trajectory,
@@ -136,7 +136,7 @@ impl Unpacked {
         }
     }
 
-    /// Numbers with 32 bits and their sign, with fewer without.
+    /// A list of numbers: signed if they have 32 bits, else unsigned.
     fn list(&self, place: &Value) -> Vec<f64> {
         let get = |name: &str| place[name].as_u64().unwrap() as usize;
         let (at, length, width) = (get("at"), get("length"), get("bits") / 8);
@@ -218,8 +218,8 @@ fn points_come_back_within_the_steps() {
                 _ => (&case.adjusted, Some(&case.bending[scanner])),
             };
             let mut place = Georeferencer::new(trajectory, *mean, OFFSET_S).with_bending(bending);
-            // Half a step of the scanner's coordinates, of both translations, and of the rotations over an arm of
-            // two metres.
+            // Half a step of the scanner's coordinates, of both translations, and of the rotations over a lever of two
+            // metres.
             let step = |axis: &str| {
                 let ends = &fan[axis];
                 (ends["high"].as_f64().unwrap() - ends["low"].as_f64().unwrap()) / 65535.0
@@ -238,11 +238,11 @@ fn points_come_back_within_the_steps() {
                 assert!((time_s - exact_s).abs() < 1e-6);
                 for _ in 0..counts[profile] as usize {
                     let position_m = Vec3::new(x[point], y[point], z[point]);
-                    let found = translation + rotation * (shift + turn * position_m) + origin_m;
+                    let placed = translation + rotation * (shift + turn * position_m) + origin_m;
                     let beam = (position_m.x.atan2(-position_m.z) + 0.5) / 0.01;
                     let index = 100 * numbers[profile] as usize + beam.round() as usize;
                     let expected = place.place(&case.points[scanner][index].1).unwrap();
-                    let off_m = (found - expected).norm();
+                    let off_m = (placed - expected).norm();
                     assert!(off_m <= within_m, "{off_m} instead of {within_m}");
                     point += 1;
                     compared += 1;
@@ -251,7 +251,7 @@ fn points_come_back_within_the_steps() {
             assert_eq!(point, points);
         }
     }
-    // The points asked for and those around the places of sections, each compared with two mountings.
+    // The requested points and those around the places of sections, each compared with two mountings.
     assert!((39_000..80_000).contains(&compared), "{compared}");
     let axis = unpacked.list(&header["reference"]["axes"][2]);
     assert_eq!(axis.len(), 1000);
@@ -270,7 +270,7 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
     let mut bytes = Vec::new();
     a.2.store(&mut bytes);
     assert_eq!(Scene::restore(&mut &bytes[..]), Some(a.2));
-    // The same poses are written once.
+    // Equal poses are written once.
     let twice = |kind| View {
         kind,
         trajectory: &case.own,

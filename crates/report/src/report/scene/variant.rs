@@ -1,4 +1,4 @@
-//! A way in which the points are placed, with the distances that it leaves.
+//! A way in which the points are placed, with the remaining distances.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::number::nice_above;
 use crate::progress::Silent;
 use crate::statistics::quantile;
 
-/// Quantile of the sizes of distances that their bytes reach to.
+/// Quantile of the absolute distances that the largest byte stands for.
 const REACHED: f64 = 0.995;
 /// Points of a neighbourhood whose omnivariance is shown.
 const NEIGHBOURS: usize = 16;
@@ -77,20 +77,21 @@ pub fn variant(
     }
 }
 
-/// Values that are not negative as bytes, from 0 to what nearly none exceeds.
+/// Non-negative values as bytes, from 0 to a value that almost none exceeds.
 fn graded(fans: &[Vec<f64>]) -> Vec<Bytes> {
     let mut sizes: Vec<f64> = fans.iter().flatten().copied().collect();
     sizes.retain(|size| size.is_finite());
     sizes.sort_by(f64::total_cmp);
-    let most = match sizes.is_empty() {
-        true => 1.0,
-        false => nice_above(quantile(&sizes, REACHED).max(1e-6)),
+    let most = if sizes.is_empty() {
+        1.0
+    } else {
+        nice_above(quantile(&sizes, REACHED).max(1e-6))
     };
     let one = |fan: &Vec<f64>| Bytes::of((0.0, most), fan.iter().copied());
     fans.iter().map(one).collect()
 }
 
-/// The omnivariance of the points around each point of each scanner, mm²: what a calibration makes small.
+/// The omnivariance of the points around each point of each scanner, mm²: the quantity that a calibration minimises.
 fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f64>> {
     let mut places = Vec::new();
     for (scanner, profiles) in selected.iter().enumerate() {
@@ -100,17 +101,18 @@ fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f
         }
     }
     let index = NeighbourIndex::new(&places);
-    let of = Neighbourhood::Nearest(NEIGHBOURS);
-    let found = index.surroundings_of_all(&index, of, &Silent, |_, surroundings| {
-        1e6 * surroundings.tensor.omnivariance()
-    });
-    // Nobody cancels what is silent.
-    let mut found = found.unwrap_or_default().into_iter();
+    let neighbourhood = Neighbourhood::Nearest(NEIGHBOURS);
+    let omnivariances =
+        index.surroundings_of_all(&index, neighbourhood, &Silent, |_, surroundings| {
+            1e6 * surroundings.tensor.omnivariance()
+        });
+    // Silent progress cannot be cancelled, so there is always a result.
+    let mut omnivariances = omnivariances.unwrap_or_default().into_iter();
     let counts = selected
         .iter()
         .map(|profiles| profiles.iter().map(|(_, points)| points.len()).sum());
     counts
-        .map(|count: usize| found.by_ref().take(count).collect())
+        .map(|count: usize| omnivariances.by_ref().take(count).collect())
         .collect()
 }
 
@@ -122,20 +124,20 @@ fn distances(
     input: &Input,
 ) -> Vec<[f64; 2]> {
     let name = input.scans[scanner].name;
-    let wanted = |found: &&Agreement| {
-        found.scanner == name
-            && match &found.against {
+    let wanted = |agreement: &&Agreement| {
+        agreement.scanner == name
+            && match &agreement.against {
                 Against::Reference => true,
                 Against::Scanner(_) => input.reference.is_empty(),
             }
     };
-    let Some(found) = input.agreements.under(view.kind).find(wanted) else {
+    let Some(agreement) = input.agreements.under(view.kind).find(wanted) else {
         let points = profiles.iter().map(|(_, points)| points.len());
         return vec![[f64::NAN; 2]; points.sum()];
     };
     let settings = input.settings;
     let (reach_m, most_m) = (settings.core_spacing_m, settings.max_distance_m);
-    let distances = Distances::new(&found.distances, reach_m, most_m);
+    let distances = Distances::new(&agreement.distances, reach_m, most_m);
     let each = profiles.par_iter().flat_map_iter(|(profile, points)| {
         let pose = profile.poses[set] * view.mounting(scanner, profile.time_s);
         let at = points
