@@ -170,7 +170,7 @@ class Calibration(Result):
 
     @property
     def undetermined(self) -> list[str]:
-        """Directions that the data do not determine, in words. The standard deviations of affected parameters are NaN."""
+        """Directions that the data do not determine, in words. Affected parameters have standard deviations of NaN."""
         return [what["what"] for what in self._found.get("undetermined") or []]
 
     def _repr_html_(self) -> str:
