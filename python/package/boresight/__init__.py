@@ -1,13 +1,13 @@
-"""Calibration of laser profile scanners on a moving platform, and what is done with their clouds.
+"""Calibration of laser profile scanners on a moving platform, and processing of their point clouds.
 
 Lengths are in metres, angles in radians unless a name ends in ``_deg``, times in seconds. Points are arrays of shape
-(n, 3): east, north, up. Rotations go in as `scipy.spatial.transform.Rotation`, as quaternions x, y, z, w or as 3 × 3
-matrices. While a function works, other threads of Python run and Ctrl-C stops it.
+(n, 3): east, north, up. Functions take rotations as `scipy.spatial.transform.Rotation`, as quaternions x, y, z, w or
+as 3 × 3 matrices. While a function works, other threads of Python can run, and Ctrl-C stops it.
 
-Every function that may take long has two arguments besides its own:
+Every function that may take long has two more arguments:
 
 ``progress``
-    A function called as ``progress(stage, done, total)`` (``total`` is 0 if unknown), ``None`` for silence; by
+    A function called as ``progress(stage, done, total)`` (``total`` is 0 if unknown), or ``None`` for no output; by
     default a bar of `tqdm`, if it is installed.
 ``threads``
     Number of threads; one per core by default. Results do not depend on it.
@@ -104,7 +104,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> _ModuleType:
-    """Modules that need more packages are imported where they are first named."""
+    """Imports a module that needs more packages when it is first used."""
     if name in ("dask", "plot", "py4dgeo"):
         return _import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Arrays as the compiled part takes them: float64, in one piece, copied only where they are not."""
+"""Arrays for the compiled part: contiguous float64; other arrays are copied."""
 
 from __future__ import annotations
 

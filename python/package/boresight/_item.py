@@ -1,7 +1,7 @@
-"""The program that does one item of a campaign, see `_items.command`.
+"""The program that processes one item of a campaign, see `_items.command`.
 
-It reads the item as a line of JSON, and prints its failure if it fails. Its input stays open as long as the process
-that waits for it lives: this one ends with it.
+It reads the item as a line of JSON, and prints the reason if the item fails. The parent process keeps the input open;
+when the input closes, the parent has ended, and this process ends too.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import time
 from . import _boresight
 from ._progress import Listener
 
-# No buffers of the interpreter: a thread that waits in one would keep the process from ending.
+# Read without buffers of the interpreter: a thread that waits in one would keep the process from ending.
 _INPUT = 0
-# Time to clean up for a process that nobody waits for, seconds.
+# Time to clean up after the parent has ended, seconds.
 _PATIENCE_S = 20.0
 
 
@@ -40,7 +40,7 @@ def _end_with_parent() -> None:
 
 
 def main() -> None:
-    """Does the item of the input."""
+    """Processes the item of the input."""
     root, out = sys.argv[1:3]
     memory_bytes, threads = (int(limit) or None for limit in sys.argv[3:5])
     item = _first_line()

@@ -1,4 +1,4 @@
-"""Items of campaigns, each done by a process of its own."""
+"""Items of campaigns, each processed by a process of its own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, TypedDict
 
 from . import _boresight
 
-# With the paths of this process, and without threads of numpy that nobody needs: each counts as memory of the item.
+# The child uses the paths of this process. It starts no threads of numpy, as each would count as memory of the item.
 _CODE = """\
 import os, sys
 os.environ |= {{"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}}
@@ -28,13 +28,13 @@ class Failure(TypedDict):
 
 
 def command(root: str, out: str, memory_bytes: int | None, threads: int | None) -> list[str]:
-    """The program that does an item, which it reads as a line of JSON, and prints the failure if it fails."""
+    """The program that processes an item: it reads the item as a line of JSON, and prints the reason if it fails."""
     code = _CODE.format(path=sys.path)
     return [sys.executable, "-c", code, root, out, *(str(limit or 0) for limit in (memory_bytes, threads))]
 
 
 def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int | None) -> Failure | None:
-    """Does an item, as JSON; its results are below `out`, or it says why it failed."""
+    """Processes an item (JSON). Its results are below `out`; if it fails, returns the reason."""
     with (
         tempfile.TemporaryFile() as complaints,
         subprocess.Popen(
@@ -42,7 +42,7 @@ def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int |
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=complaints,
-            # Signals of the terminal are for this process.
+            # Only this process receives the signals of the terminal.
             start_new_session=True,
         ) as child,
     ):
@@ -50,11 +50,11 @@ def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int |
         said = b""
         try:
             child.stdin.write(item.encode() + b"\n")
-            # Its input stays open: it ends with this process.
+            # The input stays open, so that the child ends with this process.
             child.stdin.flush()
             said = child.stdout.read()
         except BrokenPipeError:
-            # It has ended, and is asked why.
+            # The child has ended; its output says why.
             pass
         except BaseException:
             child.kill()
@@ -72,7 +72,7 @@ def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int |
 
 
 def _ended(code: int, complained: str, memory_bytes: int | None) -> Failure:
-    """Why a process that said nothing has ended."""
+    """Why a process ended that reported no failure."""
     lines = [line.strip() for line in complained.splitlines() if line.strip()]
     last = lines[-1] if lines else ""
     for lack in (line for line in lines if "memory allocation" in line or "MemoryError" in line):

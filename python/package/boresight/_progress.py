@@ -1,4 +1,4 @@
-"""What is told while work goes on: stages to bars or a function, messages to logging, warnings to `warnings`."""
+"""Reports during the work: stages go to bars or a function, messages to logging, warnings to `warnings`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .errors import BoresightWarning
 Progress: TypeAlias = "Callable[[str, int, int], object] | Literal['tqdm'] | None"
 
 _LOGGER = logging.getLogger("boresight")
-# Work that takes less than this has no bar, seconds.
+# Shorter work has no bar, seconds.
 _DELAY_S = 1.0
 
 
 class Listener:
-    """Passes on what the compiled part says; without a function it says nothing of stages."""
+    """Passes on the reports of the compiled part; without a function, it ignores stages."""
 
     def __init__(self, function: Callable[[str, int, int], object] | None) -> None:
         self._function = function
@@ -31,7 +31,7 @@ class Listener:
         _LOGGER.info("%s", text)
 
     def warn(self, text: str) -> None:
-        # Told of the line outside the package that called it.
+        # The warning names the line outside the package that called it.
         level, frame = 2, inspect.currentframe()
         frame = frame.f_back if frame else None
         while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "boresight":
@@ -49,7 +49,7 @@ class Listener:
 
 
 class _Bars(Listener):
-    """A bar for the stage that runs."""
+    """A bar for the running stage."""
 
     def __init__(self, tqdm: Any) -> None:
         super().__init__(None)
@@ -72,14 +72,14 @@ class _Bars(Listener):
 
 
 def listener(progress: Progress) -> Listener:
-    """The listener that is asked for."""
+    """The listener for the argument `progress`."""
     if progress is None or callable(progress):
         return Listener(progress)
     if progress != "tqdm":
         raise ValueError(f"progress={progress!r}, expected a function, 'tqdm' or None")
     try:
         with warnings.catch_warnings():
-            # Where a notebook has no widgets, bars are text: no need to say so.
+            # In a notebook without widgets, bars are text, and tqdm warns of it.
             warnings.simplefilter("ignore")
             from tqdm.auto import tqdm
     except ImportError:

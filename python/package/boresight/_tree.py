@@ -18,9 +18,9 @@ from ._boresight import ContentHash
 
 # Bytes read at a time.
 _BLOCK = 8 << 20
-# Where an object appears whole or not at all: elsewhere what is uploaded gets its name when all of it is there.
+# In these, an object appears whole or not at all. Elsewhere, a file gets its name when its upload is complete.
 _OBJECT_STORES = {"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "memory"}
-# What tells a file that was written anew, by file system; the first that there is.
+# Values that change when a file is written again, by file system; the first one that is present counts.
 _STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "mtime", "LastModified", "last_modified", "updated", "created")
 
 
@@ -34,13 +34,13 @@ def split(url: str | os.PathLike[str]) -> tuple[str, str]:
     return folder, name
 
 
-# Size of a file and what tells that it was written anew, by which its content is known without reading it.
+# Size of a file and a stamp that changes when it is written again: they identify its content without reading it.
 Look: TypeAlias = "dict[str, Any]"
 
 
 @dataclass(frozen=True)
 class Tree:
-    """A folder, which travels between processes; paths are relative to it, with ``/`` between folders."""
+    """A folder that can be sent between processes; paths are relative to it, with ``/`` between folders."""
 
     url: str
     options: dict[str, Any] = field(default_factory=dict, hash=False, repr=False)
@@ -55,7 +55,7 @@ class Tree:
 
     @property
     def local(self) -> str | None:
-        """The path of the folder where it is one of this machine, or mounted."""
+        """The path of the folder, if it is on this machine or mounted; else `None`."""
         fs, path = self._opened
         return path if isinstance(fs, LocalFileSystem) else None
 
@@ -70,7 +70,7 @@ class Tree:
         return bool(fs.exists(self.path(name)))
 
     def look(self, name: str) -> Look | None:
-        """How a file of this machine looks; `None` where there is none."""
+        """Size and stamp of a file of this machine; `None` if there is none."""
         try:
             status = os.stat(self.path(name))
         except OSError:
@@ -78,7 +78,7 @@ class Tree:
         return {"bytes": status.st_size, "changed_ns": status.st_mtime_ns}
 
     def files(self, below: str = "", without: str | None = None) -> dict[str, Look]:
-        """All files and how they look, but neither hidden ones nor those below `without`."""
+        """All files with size and stamp, except hidden ones and those below `without`."""
         fs, top = self._opened
         folder = self.path(below) if below else top
         # Other processes write there too.
@@ -88,7 +88,7 @@ class Tree:
         found = {}
         for entry in fs.ls(folder, detail=True):
             name = self._relative(entry["name"])
-            # Results can be many times as many files as inputs: they are not even listed.
+            # There can be many times as many results as inputs, so they are not even listed.
             if name == without or name.rpartition("/")[2].startswith("."):
                 continue
             inside = fs.find(entry["name"], detail=True).values() if entry["type"] == "directory" else [entry]
@@ -110,7 +110,7 @@ class Tree:
             self._opened[0].get([self.path(name) for name in names], [str(to / name) for name in names])
 
     def store(self, folder: Path, names: Iterable[str]) -> None:
-        """Copies files of a folder to the same relative paths, where each appears whole."""
+        """Copies files of a folder to the same relative paths; each appears only when it is complete."""
         fs, _ = self._opened
         names = list(names)
         sources, targets = [str(folder / name) for name in names], [self.path(name) for name in names]
@@ -126,7 +126,7 @@ class Tree:
             fs.mv(part, target)
 
     def write(self, data: bytes, name: str) -> None:
-        """Writes a small file, which appears whole."""
+        """Writes a small file, which appears only when it is complete."""
         with tempfile.TemporaryDirectory() as folder:
             source = Path(folder) / name
             source.parent.mkdir(parents=True, exist_ok=True)
@@ -134,7 +134,7 @@ class Tree:
             self.store(Path(folder), [name])
 
     def read(self, name: str) -> bytes | None:
-        """The content of a small file; `None` where there is none."""
+        """The content of a small file; `None` if there is none."""
         try:
             content: bytes = self._opened[0].cat_file(self.path(name))
         except FileNotFoundError:
@@ -157,5 +157,5 @@ class Tree:
 
 
 def _stamp(info: dict[str, Any]) -> str:
-    # Where nothing tells, the file is taken for a new one.
+    # Without a stamp, the file counts as new.
     return next((str(info[key]) for key in _STAMPS if info.get(key)), uuid.uuid4().hex)

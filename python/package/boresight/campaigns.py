@@ -1,4 +1,4 @@
-"""Campaigns: many plots on many dates. `boresight.dask` does them on a cluster."""
+"""Campaigns: many plots on many dates. `boresight.dask` runs them on a cluster."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .mounting import table
 
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
-# Failures that a notebook shows.
+# Number of failures that a notebook shows.
 _ROWS = 30
 
 
 class CampaignResult:
-    """What became of a campaign.
+    """The result of a campaign.
 
     Attributes
     ----------
@@ -29,9 +29,9 @@ class CampaignResult:
         The folder of the results: a path or a URL.
     items
         All items: ``name``, ``kind``, ``plot``, ``date``, ``before`` and ``state``, which is ``finished``, ``failed``
-        or ``waiting``. The results of a finished one are in ``items/<name>`` below `out`.
+        or ``waiting``. The results of a finished item are in ``items/<name>`` below `out`.
     failed
-        Those that failed, also with ``problem`` and ``remedy``.
+        The items that failed, also with ``problem`` and ``remedy``.
     """
 
     summary: str
@@ -48,7 +48,7 @@ class CampaignResult:
 
     @property
     def page(self) -> str:
-        """The page: quality over time, what changed, what failed."""
+        """The page: quality over time, changes and failures."""
         return f"{self.out}/campaign.html"
 
     @property
@@ -73,7 +73,8 @@ class CampaignResult:
 
 
 def conclude(path: str, items: list[str], out: str, shown: str) -> tuple[CampaignResult, list[str]]:
-    """Writes index and page into the folder `out`, which the result calls `shown`; returns also the files' names."""
+    """Writes index and page into the folder `out`, and returns the result and the names of the files. The result has
+    `shown` as its folder."""
     document, summary, files = _boresight.campaign_conclude(path, items, out)
     found = json.loads(document)
     failures = {}
@@ -92,8 +93,8 @@ def campaign(
     memory_mb: int | None = None,
     progress: Progress = "tqdm",
 ) -> CampaignResult:
-    """All items of a campaign on this machine, as the command `boresight campaign`; those that are finished are not
-    done again.
+    """Processes all items of a campaign on this machine, like the command `boresight campaign`; finished items are not
+    processed again.
 
     Parameters
     ----------
@@ -102,10 +103,10 @@ def campaign(
     out
         Folder of the results; by default `out` beside the campaign file.
     workers
-        Items at the same time; by default one per core, as far as memory allows.
+        Number of items at the same time; by default one per core, as far as memory allows.
     memory_mb
-        Memory of an item, MB: one that needs more fails and disturbs no other. By default an even share of what is
-        free.
+        Memory of an item, MB: an item that needs more fails without affecting the others. By default an even share of
+        the free memory.
     """
     toml = os.path.abspath(path)
     root = os.path.dirname(toml)

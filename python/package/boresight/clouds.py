@@ -1,4 +1,4 @@
-"""Clouds, and what is computed of their points."""
+"""Clouds, and functions of their points."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from .mounting import Mounting, quaternion_of, table
 _COLUMNS: dict[str, list[str]] = dict(_boresight.feature_columns())
 
 FEATURES: tuple[str, ...] = tuple(_COLUMNS)
-"""Names of all features, as of the command `boresight features`."""
+"""Names of all features, as in the command `boresight features`."""
 
 DEFAULT_FEATURES: tuple[str, ...] = tuple(_boresight.default_features())
-"""The features that are computed where none are named."""
+"""The features that are computed by default."""
 
 
 class Cloud:
-    """Points with what was recorded of each.
+    """Points with attributes.
 
     Attributes
     ----------
     points
         (n, 3) float64: east, north, up, metres.
     attributes
-        Arrays of n values by name: ``time_s`` (seconds), ``intensity`` (as recorded), and what else the file has.
+        Arrays of n values by name: ``time_s`` (seconds), ``intensity`` (as recorded), and others of the file.
     crs_wkt
         The coordinate reference system as WKT, if the file names one.
     """
@@ -60,7 +60,7 @@ class Cloud:
         return len(self.points)
 
     def __getitem__(self, chosen: Any) -> Cloud:
-        """The points that an index array, a mask or a slice chooses, with their attributes."""
+        """The points selected by an index array, a mask or a slice, with their attributes."""
         chosen = np.atleast_1d(chosen) if not isinstance(chosen, slice) else chosen
         attributes = {name: values[chosen] for name, values in self.attributes.items()}
         return Cloud(self.points[chosen], attributes, self.crs_wkt)
@@ -101,18 +101,18 @@ def features(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> npt.NDArray[np.void]:
-    """Shape of every point's neighbourhood: the numbers of the command `boresight features`, bit by bit.
+    """Shape of every point's neighbourhood: the same numbers as the command `boresight features`, to the last bit.
 
     Parameters
     ----------
     points
-        (n, 3) float64, metres, or a `Cloud`. Not copied if it is float64 in one piece.
+        (n, 3) float64, metres, or a `Cloud`. A contiguous float64 array is not copied.
     neighbours
-        Neighbourhoods of the k nearest points, the point itself included; 50 by default.
+        Number of nearest points in a neighbourhood, including the point itself; 50 by default.
     radius_m
-        Neighbourhoods of all points within this radius instead, metres.
+        Use all points within this radius instead, metres.
     features
-        Names out of `FEATURES`, or ``"all"``; `DEFAULT_FEATURES` by default.
+        Names from `FEATURES`, or ``"all"``; `DEFAULT_FEATURES` by default.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def _named(features: Iterable[str] | str | None) -> list[str]:
         else:
             raise ValueError(f"there is no feature {name!r}; there are {', '.join(FEATURES)}, all")
     if not names:
-        raise ValueError("no feature is named")
+        raise ValueError("features is empty, expected at least one name")
     return names
 
 
@@ -174,7 +174,7 @@ def thin(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> npt.NDArray[np.uint32]:
-    """One point a voxel, the one nearest to its centre: the points that the command `boresight thin` keeps.
+    """One point per voxel, the nearest to its centre: the same points that the command `boresight thin` keeps.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ class M3C2Result:
         (m,) structured, as in py4dgeo: ``lodetection`` (level of detection at 95 %, metres), ``spread1``, ``spread2``
         (metres) and ``num_samples1``, ``num_samples2``.
     normal_radii
-        (m,), metres: the radius that each normal was computed with; NaN for given normals.
+        (m,), metres: the radius used for each normal; NaN for given normals.
     """
 
     corepoints: Array
@@ -233,9 +233,9 @@ class M3C2Result:
         self._statistics = {"core_points": len(self.distances), "n": 0} if text is None else json.loads(text)
 
     def to_dict(self) -> dict[str, Any]:
-        """Statistics of the distances, as the command `boresight compare` gives them: numbers of core points and of
-        distances; mean, standard deviation, root mean square, median and NMAD, metres; and the share of the distances that
-        have a level of detection which are beyond it. `None` where one is not determined."""
+        """Statistics of the distances, as in the command `boresight compare`: numbers of core points and of distances;
+        mean, standard deviation, root mean square, median and NMAD, metres; and, of the distances with a level of
+        detection, the share that exceeds it. A value that is not determined is `None`."""
         return dict(self._statistics)
 
     def __repr__(self) -> str:
@@ -265,8 +265,8 @@ def m3c2(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> M3C2Result:
-    """Distances of ``epoch2`` to ``epoch1`` along local normals (M3C2): those of the command `boresight compare`, whose
-    reference is ``epoch1``. Arguments are named as in py4dgeo.
+    """Distances of ``epoch2`` to ``epoch1`` along local normals (M3C2), like the command `boresight compare` with
+    ``epoch1`` as reference. Arguments are named as in py4dgeo.
 
     Parameters
     ----------
@@ -277,23 +277,23 @@ def m3c2(
     cyl_radius, max_distance
         Radius of the cylinder and half its length, metres.
     normal_radii
-        Radii of the neighbourhoods of ``epoch1`` for normals, of which the most planar is used, metres.
+        Radii of the neighbourhoods of ``epoch1`` for normals, metres; the most planar neighbourhood is used.
     registration_error
         Added to the level of detection, metres.
     robust_aggr
-        Median and inter-quartile range instead of mean and standard deviation.
+        Use median and inter-quartile range instead of mean and standard deviation.
     orientation_vector
         Computed normals point to this side, (3,).
     corepoint_normals
-        (m, 3) or (1, 3): normals that are given.
+        (m, 3) or (1, 3): given normals, which are then not computed.
     direction
         (3,): one direction instead of normals.
     student
-        Level of detection from Student's t, which holds for few points too.
+        Compute the level of detection from Student's t, which is valid for few points too.
     one_sided
-        Cylinders reach along the normal only.
+        Cylinders extend only in the direction of the normal.
     min_points
-        Fewest points of either epoch in a cylinder.
+        Smallest number of points of either epoch in a cylinder.
     """
     first, second = points_of(epoch1, "epoch1"), points_of(epoch2, "epoch2")
     core = None if corepoints is None else points_of(corepoints, "corepoints")
@@ -301,7 +301,7 @@ def m3c2(
     if normals is not None and direction is not None:
         raise ValueError("corepoint_normals and direction exclude each other")
     if normals is not None and core is None:
-        raise ValueError("corepoint_normals are given, and no corepoints")
+        raise ValueError("corepoint_normals are given without corepoints")
     if normals is not None and core is not None and len(normals) == 1 and len(core) != 1:
         direction, normals = normals[0], None
     settings = {
@@ -341,8 +341,8 @@ def georeference(
         (n,) seconds, in the order of the measurements.
     trajectory
         Poses: a `Trajectory`, a structured array of the type `TRAJECTORY`, or anything with its fields ``time_s``,
-        ``position_m`` (n, 3) and ``quaternion_xyzw`` (n, 4). Where velocities are known, positions between poses follow a
-        cubic curve, else the straight line.
+        ``position_m`` (n, 3) and ``quaternion_xyzw`` (n, 4). Positions between poses follow a cubic curve if velocities
+        are known, and a straight line otherwise.
     mounting
         A `Mounting`, or rotation and translation (metres) of body_from_scanner.
     time_offset_s

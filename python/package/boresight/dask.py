@@ -1,8 +1,8 @@
 """Campaigns on a cluster: the items of a campaign as tasks of a `distributed.Client`.
 
-Dask schedules them and does again what a lost machine leaves undone. What is finished lies below `out`: another call
-goes on from there. Needs the packages `distributed` and `fsspec`, ``pip install 'boresight[dask]'``; for S3
-``'boresight[s3]'``.
+Dask schedules the items, and repeats those of a lost machine. Finished results are below `out`, and another call
+continues from them. The module needs the packages `distributed` and `fsspec`: ``pip install 'boresight[dask]'``, or
+``'boresight[s3]'`` for S3.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from .campaigns import CampaignResult, conclude
 
 FilePath: TypeAlias = "str | os.PathLike[str]"
 
-# Files and bytes whose content one task reads to know it.
+# Most files and bytes that one task reads to compute their hashes.
 _BATCH_FILES, _BATCH_BYTES = 64, 256 << 20
-# How often the hashes known so far are stored, seconds.
+# Interval between writes of the hashes known so far, seconds.
 _STORE_EVERY_S = 30.0
 _HASHES = "hashes.json"
 
@@ -45,7 +45,7 @@ class _Done(TypedDict):
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a campaign lies, and how its items are done."""
+    """Folders and limits of a campaign."""
 
     root: Tree
     out: Tree
@@ -65,10 +65,10 @@ def campaign(
     retries: int = 2,
     progress: Progress = "tqdm",
 ) -> CampaignResult:
-    """All items of a campaign on the workers of a Dask cluster; those that are finished are not done again.
+    """Processes all items of a campaign on the workers of a Dask cluster; finished items are not processed again.
 
-    Each item runs in a process of its own beside its worker. One that fails is named by the result and tried again by
-    the next call; all others finish.
+    Each item runs in a process of its own beside its worker. If an item fails, the result names it, the other items
+    continue, and the next call tries it again.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ def campaign(
     out
         Folder of the results, a path or a URL; by default `out` beside the campaign file.
     storage_options
-        What the file systems of URLs need, as in fsspec.
+        Options of the file systems of URLs, as in fsspec.
     memory_mb
-        Memory of an item, MB: one that needs more fails and disturbs no other. By default that of its worker, shared by
-        the worker's threads.
+        Memory of an item, MB: an item that needs more fails without affecting the others. By default the memory of its
+        worker divided by the worker's threads.
     threads
-        Threads of an item. A worker does as many items at once as it has threads of Dask.
+        Threads of an item. A worker runs as many items at once as it has Dask threads.
     retries
-        How often an item is tried again whose worker could not read, write or be reached.
+        Number of times that an item is tried again if its worker could not read or write, or was lost.
     """
     folder, name = split(path)
     options = storage_options or {}
@@ -108,13 +108,13 @@ def _absolute(out: FilePath) -> str:
 
 
 class _Planned:
-    """The plan of a campaign. Of one that is elsewhere, the texts are copied to `scratch`."""
+    """The plan of a campaign. The texts of a remote campaign are copied to `scratch`."""
 
     def __init__(self, place: _Place, name: str, scratch: Path) -> None:
         self._place = place
         self._scratch = scratch
         root = place.root.local
-        # Looks of all files of a campaign that is elsewhere.
+        # Sizes and stamps of all files of a remote campaign.
         self._listed: dict[str, Look] | None = None
         if root is None:
             root = str(scratch / "root")
@@ -129,7 +129,7 @@ class _Planned:
         self._plan = _boresight.CampaignPlan(self._toml, listing, place.out.local)
 
     def looks(self) -> dict[str, Look]:
-        """Looks of the files that items read, without those that are not there."""
+        """Sizes and stamps of the files that items read; missing files are left out."""
         files = self._plan.files()
         if self._listed is not None:
             return {file: self._listed[file] for file in files if file in self._listed}
@@ -137,7 +137,7 @@ class _Planned:
         return {file: look for file, look in found.items() if look is not None}
 
     def items(self, hashes: dict[str, str]) -> list[str]:
-        """The items as JSON, each behind those that it needs."""
+        """The items as JSON, each after those that it needs."""
         return self._plan.items(hashes)
 
     def conclude(self, items: list[str]) -> CampaignResult:
@@ -154,7 +154,7 @@ class _Planned:
 
 
 def _hashes(looks: dict[str, Look], place: _Place, client: Client, retries: int, told: Listener) -> dict[str, str]:
-    """Hashes of the contents of files: those that an earlier call has found, the others by the workers."""
+    """Hashes of the contents of files. Those that an earlier call computed are reused; workers compute the others."""
     try:
         kept: dict[str, dict[str, Any]] = json.loads(place.out.read(_HASHES) or b"{}")
     except ValueError:
@@ -208,7 +208,7 @@ def _batches(sized: Iterable[tuple[str, int]]) -> Iterator[list[str]]:
 
 
 def _hash(files: list[str], tree: Tree) -> dict[str, str | None]:
-    """Hashes of the contents of files; `None` where one cannot be read: the items that need it say why."""
+    """Hashes of the contents of files, `None` for an unreadable file; the items that need it report why."""
     found: dict[str, str | None] = {}
     for file in files:
         try:
@@ -219,7 +219,7 @@ def _hash(files: list[str], tree: Tree) -> dict[str, str | None]:
 
 
 def _finish(items: list[dict[str, Any]], place: _Place, client: Client, retries: int, told: Listener) -> None:
-    """Does the items that are not finished."""
+    """Processes the items that are not finished."""
     finished = _finished(items, place.out)
     waiting = [item for item in items if item["name"] not in finished]
     done = len(items) - len(waiting)
@@ -227,7 +227,7 @@ def _finish(items: list[dict[str, Any]], place: _Place, client: Client, retries:
     futures: dict[str, Any] = {}
     run = uuid.uuid4().hex[:8]
     for level in _levels(waiting):
-        # Dask groups by what is before the second hyphen.
+        # Dask groups tasks by the part of the key before the second hyphen.
         keys = [f"boresight-{item['kind']}-{run}-{item['name']}" for item in level]
         needs = [[futures[name] for name in item["needs"] if name in futures] for item in level]
         submitted = client.map(_do, level, needs, place=place, key=keys, retries=retries)
@@ -237,7 +237,7 @@ def _finish(items: list[dict[str, Any]], place: _Place, client: Client, retries:
     for future, result in as_completed(futures.values(), with_results=True, raise_errors=False):
         item = by_key[future.key]
         if future.status == "cancelled":
-            raise ConnectionError("the scheduler has gone; what is finished is kept: call again")
+            raise ConnectionError("the connection to the scheduler is lost; finished items are kept: call again")
         if future.status == "error":
             lost = [titles[need] for need in item["needs"] if need in futures and futures[need].status == "error"]
             _record(item, place.out, _lost(future.exception(), lost))
@@ -249,7 +249,7 @@ def _finish(items: list[dict[str, Any]], place: _Place, client: Client, retries:
 
 
 def _forget_failures(failed: set[str], out: Tree) -> None:
-    """Removes the failures of all but these items, as the conclusion does on this machine."""
+    """Removes the recorded failures of all other items, as the conclusion does for a local campaign."""
     if out.local is None:
         out.remove(file for file in out.files("failed") if Path(file).stem not in failed)
 
@@ -263,7 +263,7 @@ def _finished(items: list[dict[str, Any]], out: Tree) -> set[str]:
 
 
 def _levels(items: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
-    """Items by how many of them they wait for, one after the other."""
+    """Items in levels: each waits only for items of earlier levels."""
     depth: dict[str, int] = {}
     levels: list[list[dict[str, Any]]] = []
     for item in items:
@@ -276,14 +276,14 @@ def _levels(items: list[dict[str, Any]]) -> list[list[dict[str, Any]]]:
 
 
 def _do(item: dict[str, Any], needs: list[_Done], place: _Place) -> _Done:
-    """A task: does an item, and records why it failed."""
+    """A task: processes an item, and records the reason if it fails."""
     if place.version != _boresight.__version__:
-        raise RuntimeError(f"a worker with boresight {_boresight.__version__}, expected {place.version} everywhere")
+        raise RuntimeError(f"a worker has boresight {_boresight.__version__}, expected {place.version} on all workers")
     failed = [need["title"] for need in needs if need["failure"] is not None]
     failure = None
     if failed:
         failure = _blocked(failed)
-    # A worker that is lost takes with it what it would have told of finished items.
+    # A lost worker may have finished the item without reporting it.
     elif not place.out.has(f"items/{item['name']}/result.json"):
         failure = _in_place(item, place)
     if failure is not None:
@@ -292,7 +292,7 @@ def _do(item: dict[str, Any], needs: list[_Done], place: _Place) -> _Done:
 
 
 def _in_place(item: dict[str, Any], place: _Place) -> Failure | None:
-    """Does an item with its files at hand: those that are elsewhere are copied here, and its results back."""
+    """Processes an item. Remote inputs are copied to this machine first, and the results are copied back."""
     worker = get_worker()
     root, out = place.root.local, place.out.local
     memory_bytes = place.memory_bytes

@@ -37,7 +37,7 @@ class Trajectory:
         self.poses = of_rows(smoothed.poses(), "trajectory")
 
     def __getstate__(self) -> dict[str, Any]:
-        # The covariance holds the factor of the whole drive: another process gets the poses.
+        # The covariance needs the factor of the whole drive. Another process gets only the poses.
         return self.__dict__ | {"_smoothed": None}
 
     def __len__(self) -> int:
@@ -50,17 +50,17 @@ class Trajectory:
 
     @property
     def rotations(self) -> Any:
-        """world_from_body as n scipy rotations; (n, 4) quaternions x, y, z, w where scipy is not installed."""
+        """world_from_body as n scipy rotations; (n, 4) quaternions x, y, z, w if scipy is not installed."""
         return rotation_of(self.poses["quaternion_xyzw"])
 
     def covariance(self, indices: int | Iterable[int]) -> Array:
-        """The joint covariance of the poses at these indices, (6 m, 6 m): for each pose the rotation vector in the body frame
-        (rad) and the position in the world (m).
+        """The joint covariance of the poses at these indices, (6 m, 6 m): for each pose, the rotation vector in the
+        body frame (rad) and the position in the world (m).
 
         Raises
         ------
         ValueError
-            For poses that came from a file, or from another process.
+            If the poses came from a file or from another process.
         """
         chosen = [indices] if isinstance(indices, (int, np.integer)) else list(indices)
         wrapped = [int(index) + len(self) if index < 0 else int(index) for index in chosen]
@@ -72,8 +72,8 @@ class Trajectory:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """How the adjustment ended, what each sensor left, and what was rejected: as in `result.json`. Empty for poses from
-        a file."""
+        """How the adjustment ended, residuals of each sensor and rejected records, as in `result.json`. Empty for
+        poses from a file."""
         return dict(self._result or {})
 
     def __repr__(self) -> str:
@@ -95,7 +95,7 @@ class Trajectory:
 
 
 class Result:
-    """What a command found.
+    """The result of a command.
 
     Attributes
     ----------
@@ -115,12 +115,12 @@ class Result:
 
     @property
     def headline(self) -> str | None:
-        """``usable``, ``care`` or ``unusable``, where it is judged."""
+        """``usable``, ``care`` or ``unusable``; `None` if the command does not judge its result."""
         return self._document.get("headline")
 
     @property
     def verdicts(self) -> list[dict[str, Any]]:
-        """What is said about the result, the gravest first: ``severity``, ``code``, ``text``."""
+        """The verdicts on the result, the most severe first: ``severity``, ``code``, ``text``."""
         return list(self._document.get("verdicts") or [])
 
     def to_dict(self) -> dict[str, Any]:
@@ -136,7 +136,7 @@ class Result:
 
 
 class Calibration(Result):
-    """Mountings of the scanners, and how well they are known."""
+    """Mountings of the scanners with their uncertainty."""
 
     def __init__(self, told: tuple[str, str, list[Path]]) -> None:
         super().__init__(told)
@@ -159,8 +159,8 @@ class Calibration(Result):
 
     @property
     def covariance(self) -> Array | None:
-        """(p, p) covariance of the parameters in their units; `None` where the method has none. It says nothing of what is
-        `undetermined`: that was held."""
+        """(p, p) covariance of the parameters in their units; `None` if the method has none. It does not include the
+        directions in `undetermined`, which were held fixed."""
         return _matrix(self._found.get("covariance"))
 
     @property
@@ -170,7 +170,7 @@ class Calibration(Result):
 
     @property
     def undetermined(self) -> list[str]:
-        """What the data do not determine, in words; parameters that it moves have standard deviations of NaN."""
+        """Directions that the data do not determine, in words. Affected parameters have standard deviations of NaN."""
         return [what["what"] for what in self._found.get("undetermined") or []]
 
     def _repr_html_(self) -> str:
@@ -196,7 +196,7 @@ class Run(Result):
 
     @property
     def calibration(self) -> Calibration:
-        """The mountings and how well they are known."""
+        """The mountings with their uncertainty."""
         return Calibration((json.dumps(self._document), self.summary, list(self.files)))
 
     @property
@@ -218,7 +218,7 @@ class Georeferenced(Result):
 
     @property
     def clouds(self) -> list[Path]:
-        """One file a scanner."""
+        """One file per scanner."""
         return list(self.files)
 
 
@@ -277,7 +277,7 @@ def smooth(
 ) -> Trajectory:
     """The trajectory of a drive: poses at every sample of the IMU, with standard deviations.
 
-    Either from a project, with all that it says, as the command `boresight trajectory`; or from logs in memory.
+    The input is either a project, as for the command `boresight trajectory`, or logs in memory.
 
     Parameters
     ----------
@@ -289,9 +289,9 @@ def smooth(
     lever_arm_m
         The prism or antenna in the body frame, (3,), metres.
     sigma_position_m
-        Standard deviation of the positions where they have no covariance: one number, or east, north, up, metres.
+        Standard deviation of positions without a covariance: one number, or east, north, up, metres.
     sigma_heading_deg
-        Standard deviation of the headings where they have none, degrees.
+        Standard deviation of headings that have none of their own, degrees.
     heading_offset_deg
         Heading of the body = heading of the antennas + this, degrees, clockwise.
     axes
@@ -346,7 +346,7 @@ def calibrate(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> Calibration:
-    """The mountings of all scanners of a project as `run` finds them, without clouds, as the command
+    """Estimates the mountings of all scanners of a project like `run`, without writing clouds, as the command
     `boresight calibrate`.
 
     Parameters
@@ -370,7 +370,8 @@ def run(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> Run:
-    """All stages of a project: trajectory, calibration, clouds, comparison, report, as the command `boresight run`.
+    """Runs all stages of a project like the command `boresight run`: trajectory, calibration, clouds, comparison,
+    report.
 
     Parameters
     ----------
@@ -393,7 +394,7 @@ def georeference_project(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> Georeferenced:
-    """The clouds of a project, as the command `boresight georeference`.
+    """Writes the clouds of a project, like the command `boresight georeference`.
 
     Parameters
     ----------
@@ -442,7 +443,7 @@ def simulate(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> Simulation:
-    """Writes simulated drives as sensor files, together with the truth, as the command `boresight simulate`.
+    """Writes simulated drives as sensor files, together with the truth, like the command `boresight simulate`.
 
     Parameters
     ----------
@@ -453,7 +454,7 @@ def simulate(
     seed
         Seed of all random numbers; that of the scenario by default.
     force
-        Replace drives that are in the folder.
+        Replace existing drives in the folder.
     """
     with listener(progress) as told:
         return Simulation(_boresight.simulate(os.fspath(scenario), os.fspath(out), seed, force, told, threads))

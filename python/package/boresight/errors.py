@@ -1,7 +1,7 @@
 """Exceptions and warnings of the package.
 
-Files that cannot be opened raise `OSError` (`FileNotFoundError`, `PermissionError`, ...), arrays of a wrong shape
-`ValueError`; everything else is an `Error`.
+A file that cannot be opened raises `OSError` (`FileNotFoundError`, `PermissionError`, ...), and an array of a wrong
+shape raises `ValueError`; every other error is an `Error`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class TooFewError(DataError):
 
 
 class TooManyError(DataError, MemoryError):
-    """More than memory holds."""
+    """More data than memory can hold."""
 
 
 class NotDeterminedError(DataError):
@@ -59,7 +59,7 @@ class WouldReplaceInputError(DataError):
 
 
 class BoresightWarning(UserWarning):
-    """What the user should act on, though there is a result."""
+    """A problem that needs the user's attention, although there is a result."""
 
 
 _DATA = {

@@ -43,8 +43,8 @@ def read(
     path
         The file.
     kind
-        What to read: ``cloud``, ``trajectory``, ``imu``, ``positions``, ``heading``, ``profiles`` or ``mountings``. It must be
-        named where a file holds several kinds; of LAS and LAZ it is the cloud by default.
+        What to read: ``cloud``, ``trajectory``, ``imu``, ``positions``, ``heading``, ``profiles`` or ``mountings``.
+        Required if a file holds several kinds; for LAS and LAZ, the cloud is the default.
     crs
         The projected system of the world, such as ``"EPSG:25832"``, for files with latitudes and longitudes.
     axes
@@ -53,9 +53,9 @@ def read(
     Returns
     -------
     Cloud, numpy.ndarray or dict
-        A `Cloud`; the structured array of the kind: `TRAJECTORY`, `IMU`, `POSITIONS`, `HEADING`, `PROFILES`; or of a
-        project or a ``calibration.toml`` the `Mounting` of each scanner by its name. Times of LAS in adjusted GPS time
-        are Unix times.
+        A `Cloud`; the structured array of the kind: `TRAJECTORY`, `IMU`, `POSITIONS`, `HEADING`, `PROFILES`; or, for a
+        project or a ``calibration.toml``, the `Mounting` of each scanner by its name. Times of LAS in adjusted GPS time
+        are converted to Unix times.
     """
     name = os.fspath(path)
     if kind is None:
@@ -79,7 +79,7 @@ def _kind_in(path: str) -> str:
         return "positions"
     if len(kinds) != 1:
         held = ", ".join(kinds) or "neither a cloud nor a log"
-        raise ValueError(f"{path} is {format} and may hold {held}: name what to read with kind=")
+        raise ValueError(f"{path} is {format} and may hold {held}: choose what to read with kind=")
     return kinds[0]
 
 
@@ -93,7 +93,7 @@ def write(
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> None:
-    """Writes a file in the format that the end of its name asks for; it appears whole or not at all.
+    """Writes a file in the format given by its extension. The file is written completely or not at all.
 
     Parameters
     ----------
@@ -105,11 +105,11 @@ def write(
         A `Cloud` or an (n, 3) array; a `Trajectory`; a structured array, a mapping of names to arrays or a data frame with
         the fields of a log; a mapping of scanners' names to `Mounting`.
     kind
-        As of `read`; by default it follows from the fields.
+        As in `read`; by default it follows from the fields.
     crs
         The projected system of a trajectory that becomes SBET, such as ``"EPSG:25832"``.
     body
-        What the frame of the body is called in URDF and ROS.
+        Name of the body frame in URDF and ROS.
     """
     name = os.fspath(path)
     if isinstance(data, Trajectory):

@@ -1,4 +1,4 @@
-"""Logs as structured arrays. What a record does not have is NaN."""
+"""Logs as structured arrays. Values that a record does not have are NaN."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRAJECTORY = np.dtype(
 of the IMU in the body; standard deviations along and about east, north, up."""
 
 IMU = np.dtype([("time_s", "f8"), ("gyro_rad_s", "f8", (3,)), ("accel_m_s2", "f8", (3,))])
-"""Samples of an IMU in body axes; each is the mean until the next. At rest the specific force points upwards."""
+"""Samples of an IMU in body axes; each is the mean until the next one. At rest, the specific force points upwards."""
 
 POSITIONS = np.dtype([("time_s", "f8"), ("position_m", "f8", (3,)), ("covariance_m2", "f8", (3, 3))])
 """Positions of a prism or an antenna: east, north, up, and their covariance."""
@@ -67,7 +67,7 @@ Log = npt.NDArray[np.void]
 
 
 def of_rows(rows: Array, kind: str) -> Log:
-    """Rows of the compiled part as a structured array, without a copy."""
+    """Rows from the compiled part as a structured array, without a copy."""
     return rows.reshape(-1).view(DTYPES[kind])
 
 
@@ -91,7 +91,7 @@ def _columns(name: str, dtype: np.dtype[Any]) -> list[str]:
 
 
 def kind_of(data: Any) -> str | None:
-    """The kind of log whose fields these are; `None` for other data."""
+    """The kind of log that has these fields; `None` for other data."""
     names = set(names_of(data))
     for kind in ("trajectory", "imu", "heading", "positions"):
         wanted = ([name] + _columns(name, DTYPES[kind][name])[:1] for name in _NEEDED[kind])
@@ -137,9 +137,10 @@ def rows_of(data: Any, kind: str, name: str | None = None) -> Array:
 
 
 def to_pandas(log: Log) -> Any:
-    """A log as a data frame: one column for each number, such as ``position_m_x``. Every function that takes a log takes it.
+    """A log as a data frame: one column for each number, such as ``position_m_x``. Every function that takes a log also
+    takes such a data frame.
 
-    Columns that no record has are left out.
+    Columns without any value are left out.
     """
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""Mountings of scanners, and rotations in the forms that are in use."""
+"""Mountings of scanners, and rotations in their usual forms."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def quaternion_of(rotation: Any, name: str = "rotation") -> tuple[float, float, 
 def _of_matrix(matrix: Array, name: str) -> Array:
     if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6) or np.linalg.det(matrix) < 0.0:
         raise ValueError(f"{name} is a 3 × 3 matrix that is not a rotation")
-    # The largest of the four squares is divided by: no digits are lost.
+    # Divide by the largest of the four squares, so that no digits are lost.
     trace = float(np.trace(matrix))
     squares = [matrix[0, 0], matrix[1, 1], matrix[2, 2], trace]
     largest = int(np.argmax(squares))
@@ -52,7 +52,7 @@ def _of_matrix(matrix: Array, name: str) -> Array:
 
 
 def rotation_of(quaternion_xyzw: npt.ArrayLike) -> Any:
-    """A scipy `Rotation` (of one quaternion or of n), or the quaternions themselves where scipy is not installed."""
+    """A scipy `Rotation` (of one quaternion or of n), or the quaternions themselves if scipy is not installed."""
     try:
         from scipy.spatial.transform import Rotation
     except ImportError:
@@ -61,7 +61,7 @@ def rotation_of(quaternion_xyzw: npt.ArrayLike) -> Any:
 
 
 class Mounting:
-    """Where a scanner sits on the body: x_body = R x_scanner + t.
+    """Position and rotation of a scanner on the body: x_body = R x_scanner + t.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Mounting:
 
     @property
     def rotation(self) -> Any:
-        """body_from_scanner as a scipy `Rotation`; the quaternion x, y, z, w where scipy is not installed."""
+        """body_from_scanner as a scipy `Rotation`; the quaternion x, y, z, w if scipy is not installed."""
         return rotation_of(self.quaternion_xyzw)
 
     @property

@@ -1,4 +1,4 @@
-"""Plots with matplotlib: ``pip install boresight[plot]``. Each takes axes, or makes them, and returns them."""
+"""Plots with matplotlib: ``pip install boresight[plot]``. Each draws into given or new axes and returns the axes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _axes(axes: Any) -> Any:
 
 
 def distances(result: M3C2Result, axes: Any = None, *, limit_m: float | None = None) -> Any:
-    """A map of M3C2 distances, mm; colours reach to ``limit_m`` (metres), by default to the 98 % quantile."""
+    """A map of M3C2 distances, mm; the colour scale ends at ``limit_m`` (metres), by default the 98 % quantile."""
     axes = _axes(axes)
     known = np.isfinite(result.distances)
     points, millimetres = result.corepoints[known], 1e3 * result.distances[known]

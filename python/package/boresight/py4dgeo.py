@@ -1,8 +1,8 @@
-"""M3C2 with the names of py4dgeo: a script moves over by importing ``boresight.py4dgeo as py4dgeo``.
+"""M3C2 with the names of py4dgeo: to port a script, import ``boresight.py4dgeo as py4dgeo``.
 
-What there is: `Epoch`, `M3C2`, `as_epoch`, `read_from_xyz`, `read_from_las`. Distances differ from py4dgeo's only by
-rounding where normals are given, and where a point lies exactly on a radius; see the chapter on M3C2 in the book.
-Registration, segmentation, the analysis of time series and other algorithms stay with py4dgeo.
+The module has `Epoch`, `M3C2`, `as_epoch`, `read_from_xyz` and `read_from_las`. With given normals, distances differ
+from py4dgeo's only by rounding, and where a point lies exactly on a radius; see the chapter on Python in the book.
+Use py4dgeo itself for registration, segmentation, the analysis of time series and other algorithms.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["M3C2", "Epoch", "Py4DGeoError", "as_epoch", "read_from_las", "read_f
 
 
 class Py4DGeoError(ValueError):
-    """A wrong use of this module."""
+    """An error in the use of this module."""
 
 
 class Epoch:
@@ -59,18 +59,18 @@ class Epoch:
 
     @property
     def points(self) -> Array:
-        """The same."""
+        """The same as `cloud`."""
         return self._cloud
 
     def build_kdtree(self, leaf_size: int = 10, force_rebuild: bool = False) -> None:
-        """Does nothing: each comparison makes the index that suits it."""
+        """Does nothing: each comparison makes its own index."""
 
     def __len__(self) -> int:
         return len(self._cloud)
 
 
 def as_epoch(cloud: Any) -> Epoch:
-    """An epoch of points."""
+    """An epoch of these points; an `Epoch` is returned as it is."""
     return cloud if isinstance(cloud, Epoch) else Epoch(cloud)
 
 
@@ -95,7 +95,7 @@ class M3C2:
         threads: int | None = None,
     ) -> None:
         if epochs is None or len(epochs) != 2:
-            raise Py4DGeoError("epochs must be two")
+            raise Py4DGeoError("M3C2 requires exactly two epochs")
         if cyl_radius is None and cyl_radii is not None:
             if len(cyl_radii) != 1:
                 raise Py4DGeoError("cyl_radii must be a list containing a single float")
@@ -129,7 +129,7 @@ class M3C2:
             first,
             second,
             self.corepoints,
-            # A cylinder is at least as long as it is wide.
+            # Without a maximum distance, the cylinder is as long as it is wide.
             max_distance=self.max_distance if self.max_distance > 0.0 else self.cyl_radius,
             cyl_radius=self.cyl_radius,
             normal_radii=self.normal_radii or (),
@@ -153,13 +153,13 @@ class M3C2:
         return self.corepoint_normals
 
     def directions_radii(self) -> Array:
-        """The radius that each normal was computed with, (m,), metres."""
+        """The radius used for each normal, (m,), metres."""
         if self._directions_radii is None:
             raise ValueError("radii are only available after the directions were computed")
         return self._directions_radii
 
     def calculate_distances(self, epoch1: Any, epoch2: Any) -> tuple[Array, npt.NDArray[np.void]]:
-        """Distances of these epochs, as `run`."""
+        """Distances of these epochs, as `run` returns them."""
         if self.corepoint_normals is None and self.cloud_for_normals is not None:
             self.directions()
         found = self._compare(as_epoch(epoch1), as_epoch(epoch2), self.corepoint_normals)
@@ -183,10 +183,10 @@ def _epochs(files: Sequence[FilePath]) -> tuple[Epoch, ...] | Epoch:
 
 
 def read_from_las(*filenames: FilePath) -> tuple[Epoch, ...] | Epoch:
-    """Epochs of LAS or LAZ files (or any other clouds): points only."""
+    """Epochs of LAS or LAZ files (or of any other clouds), without attributes."""
     return _epochs(filenames)
 
 
 def read_from_xyz(*filenames: FilePath) -> tuple[Epoch, ...] | Epoch:
-    """Epochs of text files whose first columns are coordinates: points only."""
+    """Epochs of text files whose first columns are coordinates, without attributes."""
     return _epochs(filenames)
