@@ -134,10 +134,8 @@ fn parse(path: &Path, modules: &BTreeSet<Module>) -> Source {
     let mut rest = code.as_str();
     let mut without = String::new();
     while let Some(at) = rest.find("use ") {
-        let starts = rest[..at]
-            .chars()
-            .next_back()
-            .is_none_or(char::is_whitespace);
+        let before = rest[..at].rsplit('\n').next().unwrap_or("").trim();
+        let starts = before.is_empty() || before.starts_with("pub");
         let Some(end) = rest[at..].find(';').filter(|_| starts) else {
             without.push_str(&rest[..at + 4]);
             rest = &rest[at + 4..];

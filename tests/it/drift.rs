@@ -86,7 +86,7 @@ fn one_scanner_is_no_pair() {
     let files = boresight::simulation::simulate(&day, folder.path(), &boresight::progress::Silent);
     let project = boresight::project::Project::read(&files.unwrap().drives[0].project).unwrap();
     match boresight::pipeline::overlap(&project, &boresight::progress::Silent) {
-        Err(Error::Data { problem, .. }) => assert!(problem.contains("needs two"), "{problem}"),
+        Err(Error::Data { problem, .. }) => assert!(problem.contains("compares two"), "{problem}"),
         other => panic!("{other:?}"),
     }
 }

@@ -217,7 +217,7 @@ fn an_accepted_adjustment_stands_beside_two_steps() {
         "<th scope=\"col\" class=\"result\">joint adjustment</th>",
         "Scanner right relative to left",
         "times better than either scanner on the body",
-        "Around east 1003.2, north 2001.4 m the scans lie 2.8 mm above the reference",
+        "Around east 1003.2 m, north 2001.4 m the scans lie 2.8 mm above the reference",
         "East and north are those of the clouds",
         "The reference is displaced against the poses by +5.1 mm east, -0.2 mm north",
         "mounting bends or slips",
