@@ -138,7 +138,8 @@ fn every_single_stage_that_is_missing_is_run_again() {
 fn what_is_not_whole_is_not_read() {
     let case = Case::new();
     case.run(2.0);
-    let damages: [(&str, fn(&mut Vec<u8>)); 4] = [
+    type Damage = fn(&mut Vec<u8>);
+    let damages: [(&str, Damage); 4] = [
         ("a bit", |bytes| {
             let middle = bytes.len() / 2;
             bytes[middle] ^= 1;

@@ -72,9 +72,10 @@ fn cut(times: u32) {
         for name in &names {
             let bytes = fs::read(recording.join(name)).unwrap();
             let is_log = !name.ends_with(".toml");
-            let length = match is_log {
-                true => (bytes.len() as f64 * share) as usize + (40.0 * random()) as usize,
-                false => bytes.len(),
+            let length = if is_log {
+                (bytes.len() as f64 * share) as usize + (40.0 * random()) as usize
+            } else {
+                bytes.len()
             };
             fs::write(cut.join(name), &bytes[..length.min(bytes.len())]).unwrap();
         }

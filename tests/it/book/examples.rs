@@ -53,9 +53,10 @@ fn read(block: &Block, folder: &Path) -> bool {
     let has_poses = table
         .get("trajectory")
         .is_some_and(|trajectory| trajectory.get("file").is_some());
-    let rest = match has_poses {
-        true => SCANNER.to_owned(),
-        false => format!("{LOGS}{HEADING}{SCANNER}"),
+    let rest = if has_poses {
+        SCANNER.to_owned()
+    } else {
+        format!("{LOGS}{HEADING}{SCANNER}")
     };
     let mut whole: toml::Table = rest.parse().unwrap();
     whole.extend(table);

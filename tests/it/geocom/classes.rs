@@ -16,9 +16,10 @@ struct Scripted {
 
 impl Read for Scripted {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        match self.unread.is_empty() {
-            true => Err(ErrorKind::TimedOut.into()),
-            false => self.unread.read(to),
+        if self.unread.is_empty() {
+            Err(ErrorKind::TimedOut.into())
+        } else {
+            self.unread.read(to)
         }
     }
 }
