@@ -268,7 +268,8 @@ stored!(
 #[cfg(test)]
 mod tests {
     use super::super::checks::Normals;
-    use super::super::m3c2::{core_points, m3c2};
+    use super::super::core_points::core_points;
+    use super::super::m3c2::m3c2;
     use super::*;
     use crate::progress::Silent;
 

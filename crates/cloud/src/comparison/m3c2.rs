@@ -41,23 +41,9 @@ use super::checks::Normals;
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::surface::IndexedClouds;
-use crate::cloud::voxel;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-
-/// Core points for a comparison with `reference`: its points, thinned to `core_spacing_m`.
-pub fn core_points(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<Vec3> {
-    core_indices(reference, settings)
-        .into_iter()
-        .map(|index| reference[index as usize])
-        .collect()
-}
-
-/// As [`core_points`], but returns the indices of the points in `reference`, ascending.
-pub fn core_indices(reference: &[Vec3], settings: &ComparisonSettings) -> Vec<u32> {
-    voxel::thin(reference, settings.core_spacing_m)
-}
 
 /// Compares `compared` with `reference` at the points `core` (all metres, in one frame):
 /// [`IndexedClouds::new`] and [`IndexedClouds::distances`] in one. To compare several clouds with one

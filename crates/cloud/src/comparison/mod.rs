@@ -3,6 +3,7 @@
 mod agreement;
 mod cells;
 mod checks;
+mod core_points;
 mod cylinder;
 mod detection;
 mod groups;
@@ -20,7 +21,8 @@ mod window;
 
 pub use agreement::{Against, Agreement, Agreements, MountingKind, agreements};
 pub use checks::Normals;
-pub use m3c2::{core_indices, core_points, m3c2};
+pub use core_points::{core_indices, core_points};
+pub use m3c2::m3c2;
 pub use map::{DistanceMap, Histogram};
 pub use result::{CoreDistance, M3c2};
 pub use search::reach_m;

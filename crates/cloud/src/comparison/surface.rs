@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::cells::Cells;
 use super::checks::{Normals, check, check_core, check_points};
+use super::core_points::core_points;
 use super::detection::{Sample, level_of_detection};
-use super::m3c2::core_points;
 use super::normals::{self, Normal};
 use super::result::{CoreDistance, M3c2};
 use super::search::{Indexed, Pass, Search};
