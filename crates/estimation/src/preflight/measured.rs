@@ -1,6 +1,6 @@
-//! Values that no sensor measured as they stand: an axis of the IMU that is held, coordinates that were rounded.
+//! Values that cannot be measurements: an axis of the IMU that stays at one value, coordinates that were rounded.
 //!
-//! Both are looked for on the way: there a value with noise is not the one before.
+//! Only the records of a moving body are examined, because there a value with noise differs from the one before.
 
 use super::Log;
 use super::differences::{VALUES, weights};
@@ -26,7 +26,7 @@ const SCATTERING_CHANGE: f64 = 0.56;
 /// Single precision has steps of 2⁻²³ of a power of two.
 const SINGLE_PRECISION: f64 = (1 << 23) as f64;
 
-/// What no sensor measured as it stands; `file` names the file of a log.
+/// Verdicts on values that cannot be measurements; `file` names the file of a log.
 pub fn unmeasured(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
@@ -362,11 +362,7 @@ mod tests {
     #[test]
     fn coordinates_in_single_precision_are_named_where_their_steps_are_long() {
         let single = |value: f64| f64::from(value as f32);
-        for (origin_m, step) in [
-            (5_000_000.0, "0.5000"),
-            (1_000_000.3, "0.0625"),
-            (3_500_000.0, "0.2500"),
-        ] {
+        for (origin_m, step) in [(5_000_000.0, "0.5000"), (3_500_000.0, "0.2500")] {
             let said = Drive::new(10.0, 1.0)
                 .with_positions(origin_m, single)
                 .said();
