@@ -120,7 +120,7 @@ pub(crate) fn read_positions(path: &Path, observations: &Observations) -> Result
     Ok(positions)
 }
 
-/// Reads a part of a log like [`read_positions`]; it may contain no position.
+/// Reads a part of a log like `read_positions`; it may contain no position.
 pub fn read_new_positions(path: &Path, observations: &Observations) -> Result<Positions> {
     // A missing header is reported by the reader of coordinates.
     let names = header_names(path).unwrap_or_default();
@@ -311,7 +311,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`](crate::format::read_positions) reads back exactly: with
+/// Writes a log of coordinates that `read_positions`(crate::format::read_positions) reads back exactly: with
 /// `sigma_m` if one standard deviation describes each covariance, else with three standard deviations or six
 /// covariances.
 ///
