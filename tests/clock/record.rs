@@ -297,7 +297,7 @@ fn a_clock_that_is_set_is_said() {
     record_for(4.5, &field, &folder, &clock, &mut |view| {
         said.extend(view.set_s);
         if view.time_s > 1.5 && !is_set {
-            clock.set_by(500_000_000);
+            clock.step_by(500_000_000);
             is_set = true;
         }
     });
