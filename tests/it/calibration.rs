@@ -95,7 +95,7 @@ fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
     };
     std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
+    let found = calibrated(&project, &case.drive.estimated, &case.drive.reference);
     assert!(found.minimum.unwrap().other.is_some());
     assert!(found.covariance.is_none());
 }
@@ -116,7 +116,7 @@ fn with_exact_poses_the_truth_is_found() {
 #[test]
 fn with_own_poses_the_errors_are_those_claimed() {
     let case = case();
-    let found = calibrated(&case.project, &case.drive.own, &case.drive.reference);
+    let found = calibrated(&case.project, &case.drive.estimated, &case.drive.reference);
     assert!(found.observability.unobservable.is_empty());
     assert_honest(case.drive, &found, "own poses");
     let constancy = found.constancy.unwrap();
@@ -130,7 +130,7 @@ fn with_own_poses_the_errors_are_those_claimed() {
 #[ignore = "just acceptance"]
 fn without_a_reference_the_common_height_is_named_and_held() {
     let case = case();
-    let found = calibrated(&case.project, &case.drive.own, &[]);
+    let found = calibrated(&case.project, &case.drive.estimated, &[]);
     assert_eq!(found.observability.unobservable.len(), 1);
     assert_eq!(
         found.observability.unobservable[0].description,
@@ -161,7 +161,7 @@ fn the_height_of_a_single_scanner_is_not_invented_either() {
     let mut project = case.project.clone();
     project.scanners.truncate(1);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &[]);
+    let found = calibrated(&project, &case.drive.estimated, &[]);
     assert_eq!(
         found.observability.unobservable[0].description,
         "the height of `left`"
@@ -179,7 +179,7 @@ fn held_parameters_stay_to_the_last_bit() {
         scanner.fixed = [true, false, true, false, true, false];
     }
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
+    let found = calibrated(&project, &case.drive.estimated, &case.drive.reference);
     for (scanner, before) in project.scanners.iter().enumerate() {
         let (a, b) = (
             &before.body_from_scanner,
@@ -211,7 +211,7 @@ fn the_papers_method_lifts_the_scanners_and_needs_more() {
     let found = calibrate(
         &case.project,
         &settings,
-        &case.drive.own,
+        &case.drive.estimated,
         &case.drive.reference,
     )
     .unwrap();
@@ -237,7 +237,7 @@ fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
     scenario.deformation.enabled = true;
     let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
     case.project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&case.project, &case.own, &case.reference);
+    let found = calibrated(&case.project, &case.estimated, &case.reference);
     let constancy = found.constancy.unwrap();
     println!(
         "{} mm, {} times expected, {:?}",
@@ -273,7 +273,7 @@ fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
     let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
     case.project.calibration.voxel_sizes_m = vec![0.05, 0.02];
     for reference in [case.reference.as_slice(), &[]] {
-        let found = calibrated(&case.project, &case.own, reference);
+        let found = calibrated(&case.project, &case.estimated, reference);
         let gap = found.gap.unwrap();
         println!(
             "{gap:?}, residuals {:?}",

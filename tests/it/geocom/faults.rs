@@ -16,7 +16,7 @@ fn run(seconds: f64, faults: Vec<Fault>) -> Run {
 #[test]
 fn lost_lock_is_found_again() {
     let run = run(6.0, vec![Fault::between(FaultKind::LostLock, 1.5, 3.5)]);
-    assert_eq!((run.lost, run.found, run.counters.losses), (1, 1, 1));
+    assert_eq!((run.lost, run.relocked, run.counters.losses), (1, 1, 1));
     assert!(run.angles_only() > 20);
     assert!(
         run.distances_after(4.3) >= 8,
@@ -85,14 +85,14 @@ fn missing_replies_are_asked_again() {
     );
     assert!(run.counters.timeouts >= 3, "{:?}", run.counters);
     assert!(run.distances() >= 10);
-    assert_eq!(run.broken, 0);
+    assert_eq!(run.broken_links, 0);
 }
 
 #[test]
 fn silent_instrument_is_an_error_and_is_used_again_later() {
     let run = run(5.0, vec![Fault::between(FaultKind::Silent, 1.0, 2.8)]);
     assert!(
-        run.broken >= 1 && run.counters.timeouts >= 3,
+        run.broken_links >= 1 && run.counters.timeouts >= 3,
         "{:?}",
         run.counters
     );
@@ -110,13 +110,13 @@ fn garbage_is_counted() {
     assert!(run.counters.garbled > 10, "{:?}", run.counters);
     assert!(run.counters.noise_bytes > 10, "{:?}", run.counters);
     assert!(run.distances() >= 10);
-    assert_eq!(run.broken, 0);
+    assert_eq!(run.broken_links, 0);
 }
 
 #[test]
 fn pulled_cable_is_an_error_that_names_the_port() {
     let run = run(6.0, vec![Fault::between(FaultKind::CableOut, 1.5, 3.0)]);
-    assert!(run.broken >= 1);
+    assert!(run.broken_links >= 1);
     assert!(run.counters.reconnects >= 1);
     assert!(
         run.distances_after(3.8) >= 10,
@@ -268,7 +268,7 @@ fn tracking_goes_on_after_someone_stopped_it_at_the_instrument() {
 #[test]
 fn prism_that_is_not_there_at_the_start_is_found_later() {
     let run = run(4.0, vec![Fault::between(FaultKind::LostLock, 0.0, 1.5)]);
-    assert_eq!((run.lost, run.found), (1, 1));
+    assert_eq!((run.lost, run.relocked), (1, 1));
     assert!(run.distances() > 8);
 }
 
@@ -282,7 +282,7 @@ fn prism_outside_of_the_window_is_found_by_power_search_only() {
         };
         let hidden = vec![Fault::between(FaultKind::LostLock, 1.0, 3.0)];
         let run = track(4.5, hidden, SimulatedSettings::default(), settings);
-        assert_eq!((run.lost, run.found), (1, usize::from(power_search)));
+        assert_eq!((run.lost, run.relocked), (1, usize::from(power_search)));
     }
 }
 
@@ -327,5 +327,5 @@ fn all_faults_at_once() {
         "{}",
         run.distances_after(6.5)
     );
-    assert!(run.counters.losses >= 1 && run.broken >= 1);
+    assert!(run.counters.losses >= 1 && run.broken_links >= 1);
 }
