@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the wheel of the Python package, installs it in a new environment and tests it there. If Python, pip or
-# the packages of the tests are not available, it prints this and succeeds.
+# the packages of the tests are not available, it says so and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -20,12 +20,12 @@ mkdir -p "$folder"
 "$python" -m venv "$folder/venv" >/dev/null 2>&1 || without "no module venv with pip"
 python="$folder/venv/bin/python"
 pip=("$python" -m pip --quiet --disable-pip-version-check)
-"${pip[@]}" install 'maturin>=1.7,<2' || without "maturin cannot be had"
+"${pip[@]}" install 'maturin>=1.7,<2' || without "maturin is not available"
 
 "$folder/venv/bin/maturin" build --profile ci --locked --quiet --manifest-path python/Cargo.toml \
     --interpreter "$python" --out "$folder/wheels"
 wheel=$(echo "$folder"/wheels/*.whl)
-"${pip[@]}" install "$wheel" || without "numpy cannot be had"
-"${pip[@]}" install "$wheel[test]" || without "the packages of the tests cannot be had"
+"${pip[@]}" install "$wheel" || without "numpy is not available"
+"${pip[@]}" install "$wheel[test]" || without "the packages of the tests are not available"
 echo "$(basename "$wheel"), $(($(stat -c %s "$wheel") / 1000)) kB"
 BORESIGHT_WHEEL="$wheel" "$python" -m pytest -p no:cacheprovider python

@@ -1,10 +1,10 @@
-// A page of a drive that nobody drove, with as many points as wanted.
+// A page of a synthetic drive with any number of points.
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import { pathToFileURL } from 'node:url';
 import { deflateSync } from 'node:zlib';
 
-/** Bytes of numbers as `src/report/scene/packed.rs` writes them: differences, lowest bytes first. */
+/** Bytes of numbers as `crates/report/src/report/scene/packed.rs` writes them: differences, lowest bytes first. */
 export function packed(numbers, width) {
   const bytes = new Uint8Array(numbers.length * width);
   let last = 0;
@@ -16,12 +16,12 @@ export function packed(numbers, width) {
   return bytes;
 }
 
-/** Points of a profile. */
+/** Points per profile. */
 const BEAMS = 250;
 
 /**
- * Writes a page with `points` points of one scanner to `path`, whose mounting moves in the end if `moves`; returns its
- * address.
+ * Writes a page with `points` points of one scanner to `path`; if `moves`, the mounting of the last variant moves.
+ * Returns the address of the page.
  */
 export function writePage(path, points, moves = false) {
   const parts = [];
