@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-const style = readFileSync(new URL('../../src/report/style.css', import.meta.url), 'utf8');
+const style = readFileSync(new URL('../../crates/report/src/report/style.css', import.meta.url), 'utf8');
 
 /** The simulation of Machado, Oliveira and Fernandes 2009, full deficiency, in linear light. */
 const VISION = {

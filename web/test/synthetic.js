@@ -98,7 +98,7 @@ export function writePage(path, points, moves = false) {
   };
   const bytes = Buffer.concat(parts);
   const viewer = readFileSync(new URL('../dist/viewer.js', import.meta.url), 'utf8');
-  const style = readFileSync(new URL('../../src/report/style.css', import.meta.url), 'utf8');
+  const style = readFileSync(new URL('../../crates/report/src/report/style.css', import.meta.url), 'utf8');
   writeFileSync(path, `<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"/><title>Points</title><style>${style}</style></head><body>
 <div id="scene-viewer" class="scene"></div>
