@@ -25,7 +25,7 @@ fn hidden(out: &Path) -> usize {
 /// old file or the new one, complete.
 #[cfg(unix)]
 fn killed_runs_leave_old_or_new_files(count: u32) {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let out = drive.join("out");
     let start = Instant::now();
     let run = on_project(&drive, "run", &[]);
@@ -115,7 +115,7 @@ fn a_dozen_killed_runs_leave_old_or_new_files() {
 #[test]
 #[ignore = "just acceptance"]
 fn the_runs_after_a_hundred_kills_give_the_results_of_an_undisturbed_run() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let (undisturbed, out) = (drive.join("undisturbed"), drive.join("out"));
     // The shortest of three, so that kills do not come after the end.
     let full_run = |_| {

@@ -67,7 +67,7 @@ impl Watched {
 
 #[test]
 fn progress_rises_and_the_page_becomes_the_report() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let out = drive.join("watched");
     let mut watched = Watched::start(&drive, "run", &out);
     let (head, page) = watched.get("/");
@@ -137,7 +137,7 @@ fn progress_rises_and_the_page_becomes_the_report() {
 
 #[test]
 fn no_client_delays_the_run_or_changes_its_results() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let began = Instant::now();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -174,7 +174,7 @@ fn no_client_delays_the_run_or_changes_its_results() {
 
 #[test]
 fn calibrate_can_be_watched_too() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let mut watched = Watched::start(&drive, "calibrate", &drive.join("watched"));
     let mut events = String::new();
     watched

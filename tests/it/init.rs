@@ -73,7 +73,7 @@ fn a_folder_of_fieldpheno4d_is_georeferenced_without_a_key_typed() {
 
 #[test]
 fn a_folder_of_logs_asks_only_for_what_files_cannot_tell() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let given = Project::read(&drive.join("project.toml")).unwrap();
     let by_tape = fs::read_to_string(drive.join("project.toml")).unwrap();
     fs::remove_file(drive.join("project.toml")).unwrap();

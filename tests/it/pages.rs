@@ -18,7 +18,7 @@ fn assert_page(path: &Path, headings: &[&str]) -> String {
 
 #[test]
 fn a_page_made_again_is_the_same() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
@@ -81,7 +81,7 @@ fn a_page_made_again_is_the_same() {
 
 #[test]
 fn a_calibration_writes_a_page() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "calibrate", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.out.contains("calibration.html"), "{}", run.out);
@@ -152,7 +152,7 @@ fn a_comparison_writes_a_page() {
 
 #[test]
 fn a_project_that_changed_gives_its_page_again() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let page = drive.join("out/report.html");

@@ -18,7 +18,7 @@ fn same_clouds(a: &Path, b: &Path) -> [bool; 2] {
 
 #[test]
 fn what_a_run_wrote_gives_its_clouds_again() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     // Far from the origin, so that it is seen whether the origin is applied once.
     rewrite_project(&drive, |text| {
         assert!(!text.contains("origin_m"));
@@ -90,7 +90,7 @@ fn what_a_run_wrote_gives_its_clouds_again() {
 
 #[test]
 fn time_offsets_come_with_the_mountings() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "calibrate", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let calibration = drive.join("out/calibration.toml");

@@ -28,14 +28,14 @@ const ALL: [&str; 9] = [
 
 /// A drive, its results, and the stages kept beside them.
 struct Case {
-    _kept: tempfile::TempDir,
+    _temp: tempfile::TempDir,
     drive: PathBuf,
 }
 
 impl Case {
     fn new() -> Self {
         let (kept, drive) = simulated();
-        Self { _kept: kept, drive }
+        Self { _temp: kept, drive }
     }
 
     fn out(&self) -> PathBuf {

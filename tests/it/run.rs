@@ -10,7 +10,7 @@ use serde_json::Value;
 
 #[test]
 fn the_same_bytes_on_one_and_on_two_threads() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let [one, two] = ["1", "2"].map(|threads| {
         let out = drive.join(format!("on {threads}"));
         let run = on_project(
@@ -72,7 +72,7 @@ fn mountings(out: &Path) -> String {
 
 #[test]
 fn a_calibration_is_that_of_a_run() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     // On larger patches, this little ground is too little.
     rewrite_project(&drive, |text| format!("{text}\n[joint]\nsurfel_m = 0.2\n"));
     let run = on_project(&drive, "run", &[]);
@@ -128,7 +128,7 @@ fn a_calibration_is_that_of_a_run() {
 #[test]
 fn what_cannot_be_calibrated_is_refused_before_the_work() {
     let refused = |edit: &dyn Fn(&Path), expected: &[&str]| {
-        let (_kept, drive) = simulated();
+        let (_temp, drive) = simulated();
         edit(&drive);
         for command in ["calibrate", "run"] {
             let start = Instant::now();
@@ -172,7 +172,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
 
 #[test]
 fn variants_of_a_project_run() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let project = fs::read_to_string(drive.join("project.toml")).unwrap();
     let variant = |edit: &dyn Fn(&str) -> String| {
         rewrite_project(&drive, |_| edit(&project));

@@ -31,7 +31,7 @@ fn codes(document: &Value) -> Vec<String> {
 
 #[test]
 fn a_fault_stands_first_and_ends_with_3_where_that_is_asked_for() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let exchanged = [
         ("gyro_x_rad_s", "gyro_z_rad_s"),
         ("gyro_z_rad_s", "gyro_x_rad_s"),
@@ -52,7 +52,7 @@ fn a_fault_stands_first_and_ends_with_3_where_that_is_asked_for() {
 
 #[test]
 fn units_end_before_anything_is_computed_and_are_converted_where_they_are_named() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let names =
         ["x", "y", "z"].map(|axis| (format!("gyro_{axis}_rad_s"), format!("gyro_{axis}_deg_s")));
     let names = names
@@ -82,7 +82,7 @@ fn units_end_before_anything_is_computed_and_are_converted_where_they_are_named(
 
 #[test]
 fn what_needs_care_goes_with_the_mountings() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     rewrite_project(&drive, |text| {
         text.to_owned() + "\n[acceptance]\nsigma_translation_m = 1e-6\n"
     });
