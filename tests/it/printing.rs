@@ -1,4 +1,4 @@
-//! Pages printed as PDF, through the real binary.
+//! Pages printed as PDF, tested with the real binary.
 
 use std::fs;
 use std::path::Path;
@@ -7,25 +7,25 @@ use std::process::Command;
 use crate::common::{Run, boresight, names, plane, simulated};
 
 #[test]
-fn no_browser_is_an_error_before_the_work_begins() {
-    let (kept, drive) = simulated();
-    let out = kept.path().join("new");
+fn a_missing_browser_is_an_error_before_the_work_begins() {
+    let (temp, drive) = simulated();
+    let out = temp.path().join("new");
     let run = Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(["run", "--pdf", "--out"])
         .args([&out, &drive.join("project.toml")])
-        .env("PATH", kept.path())
+        .env("PATH", temp.path())
         .env_remove("BORESIGHT_CHROMIUM")
         .output()
         .unwrap();
     let err = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{err}");
-    for said in ["chromium", "google-chrome", "msedge", "BORESIGHT_CHROMIUM"] {
-        assert!(err.contains(said), "{said}: {err}");
+    for expected in ["chromium", "google-chrome", "msedge", "BORESIGHT_CHROMIUM"] {
+        assert!(err.contains(expected), "{expected}: {err}");
     }
     assert!(!out.exists());
 }
 
-/// A browser of a few lines of shell, which knows the arguments as `$@` and the file to print to as `$pdf`.
+/// Prints a page with a shell script as the browser, which gets the arguments as `$@` and the output file as `$pdf`.
 #[cfg(unix)]
 fn print_with(script: &str, page: &Path) -> Run {
     use std::os::unix::fs::PermissionsExt;
