@@ -49,7 +49,7 @@ fn print_with(script: &str, page: &Path) -> Run {
 
 #[cfg(unix)]
 #[test]
-fn what_is_printed_is_whole_or_not_there() {
+fn a_printed_page_is_complete_or_absent() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     plane(&at("before.csv"), 0.0);
@@ -63,22 +63,22 @@ fn what_is_printed_is_whole_or_not_there() {
     run.assert_failed_with(&["exit status: 3", "out of paper", "the page itself is there"]);
     assert!(page.is_file() && !pdf.exists());
 
-    let said = at("said");
+    let arguments = at("arguments");
     let script = format!(
         "printf '%%PDF-1.4 %%%%EOF\\n' > \"$pdf\"; printf '%s\\n' \"$@\" > '{}'",
-        said.display()
+        arguments.display()
     );
     let run = print_with(&script, &page);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.out.contains("compare.pdf"), "{}", run.out);
     assert_eq!(fs::read(&pdf).unwrap(), b"%PDF-1.4 %%EOF\n");
-    let said = fs::read_to_string(said).unwrap();
+    let arguments = fs::read_to_string(arguments).unwrap();
     for argument in [
         "--headless=new",
         "--host-resolver-rules=MAP * ~NOTFOUND",
         "file:///",
     ] {
-        assert!(said.contains(argument), "{argument}: {said}");
+        assert!(arguments.contains(argument), "{argument}: {arguments}");
     }
     assert!(
         !names(folder.path())
@@ -87,9 +87,9 @@ fn what_is_printed_is_whole_or_not_there() {
     );
 }
 
-/// By the browser of this machine, where there is one.
+/// Uses the browser installed on this machine, if there is one.
 #[test]
-fn a_real_browser_prints_or_is_missed() {
+fn an_installed_browser_prints_a_page_and_a_missing_one_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     plane(&at("before.csv"), 0.0);
