@@ -41,7 +41,7 @@ fn a_fault_is_printed_first_and_exits_with_3_under_strict() {
     rename(&drive, "imu.csv", &exchanged);
     let run = on_project(&drive, "inspect", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let first = "result: not usable\n\n! By gravity the x axis of the IMU is the vertical one";
+    let first = "result: not usable\n\n! According to gravity, the x axis of the IMU is vertical";
     assert!(run.out.starts_with(first), "{}", run.out);
     assert_eq!(on_project(&drive, "inspect", &["--strict"]).code, 3);
     let run = on_project(&drive, "inspect", &["--json"]);
