@@ -285,7 +285,7 @@ fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Resu
     let two_seconds = begun.elapsed().as_secs_f64();
     let report = report(drive, &calibration, reference, &Silent)?;
     let refused = report.refused;
-    let joint = report.found;
+    let joint = report.result;
     Ok(Adjusted {
         start: calibration.poses(),
         two_seconds,

@@ -80,7 +80,7 @@ fn assert_errors_match_sigmas(drive: &DemoDrive, calibration: &Calibration, labe
     }
     assert!(calibration.converged);
     let minimum = calibration.minimum.as_ref().unwrap();
-    assert!(minimum.other.is_none(), "{label}");
+    assert!(minimum.alternative.is_none(), "{label}");
     assert_eq!(minimum.back, minimum.starts, "{label}");
 }
 
@@ -96,7 +96,7 @@ fn a_possibly_wrong_minimum_has_no_standard_deviations() {
     std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
     project.calibration.voxel_sizes_m = vec![0.05];
     let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
-    assert!(calibration.minimum.unwrap().other.is_some());
+    assert!(calibration.minimum.unwrap().alternative.is_some());
     assert!(calibration.covariance.is_none());
 }
 

@@ -194,11 +194,11 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
     let samples = stages::samples(project, poses.trajectory(), &Silent).unwrap();
     let start = start(project, poses.trajectory(), &samples, &[], &Silent);
-    let mut verdicts = start.said.iter();
+    let mut verdicts = start.verdicts.iter();
     assert!(
         verdicts.all(|v| v.code == "mounting.start" || !v.severity.is_marked()),
         "{:?}",
-        start.said
+        start.verdicts
     );
     let settings = start.settings(project);
     let project = start.project(project);

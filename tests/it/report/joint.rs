@@ -153,21 +153,21 @@ fn accepted() -> Full {
     let before = (MountingKind::TwoStep, two_steps.poses());
     full.mountings.insert(1, before);
     for drive in &mut full.drives {
-        let pairs = drive.agreements.found.chunks(3);
+        let pairs = drive.agreements.comparisons.chunks(3);
         let with_two_steps = pairs.flat_map(|pair| {
             let mut two_steps = pair[1].clone();
             two_steps.mounting = MountingKind::TwoStep;
             two_steps.statistics.rmse_m = 2.346e-3;
             [&pair[..1], &[two_steps], &pair[1..]].concat()
         });
-        drive.agreements.found = with_two_steps.collect();
+        drive.agreements.comparisons = with_two_steps.collect();
     }
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: Some(joint),
+        result: Some(joint),
         refused: Vec::new(),
         seconds: 6.1,
     });
@@ -183,9 +183,9 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let joint = joint_result(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: Some(joint),
+        result: Some(joint),
         refused: vec![REASON.into()],
         seconds: 6.1,
     });
@@ -284,7 +284,7 @@ fn a_refusal_is_the_first_verdict_with_its_reason() {
 fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
     let mut full = accepted();
     for drive in &mut full.drives {
-        for agreement in &mut drive.agreements.found {
+        for agreement in &mut drive.agreements.comparisons {
             if agreement.mounting == MountingKind::Final {
                 agreement.statistics.rmse_m = 3.9e-3;
             }
@@ -324,7 +324,7 @@ fn an_error_of_many_standard_deviations_needs_attention() {
 #[test]
 fn numbers_that_are_not_finite_never_reach_the_page() {
     let mut full = accepted();
-    let joint = full.joint.as_mut().and_then(|j| j.found.as_mut()).unwrap();
+    let joint = full.joint.as_mut().and_then(|j| j.result.as_mut()).unwrap();
     let bad = f64::NAN;
     joint.groups[0].ratio = Some(bad);
     joint.groups[1].chi_square = f64::INFINITY;
@@ -418,9 +418,9 @@ fn the_document_gives_the_reason_of_a_refusal() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: None,
+        result: None,
         refused: vec!["only 12 patches of the surface are known".into()],
         seconds: 0.2,
     });

@@ -137,12 +137,12 @@ fn numbers_that_are_not_finite_never_reach_the_page() {
     let [first, second, ..] = &mut full.drives[..] else {
         panic!("three drives");
     };
-    let statistics = &mut first.agreements.found[0].statistics;
+    let statistics = &mut first.agreements.comparisons[0].statistics;
     statistics.mean_m = bad;
     statistics.std_m = f64::INFINITY;
     statistics.rmse_m = f64::NEG_INFINITY;
     statistics.median_m = bad;
-    for agreement in &mut first.agreements.found[6..] {
+    for agreement in &mut first.agreements.comparisons[6..] {
         agreement.distances = DistanceMap::default();
     }
     for (i, pose) in first.poses.iter_mut().enumerate().step_by(5) {
@@ -183,7 +183,7 @@ fn text_of_the_user_is_escaped() {
     }
     for drive in &mut full.drives {
         drive.name = evil.into();
-        for agreement in &mut drive.agreements.found {
+        for agreement in &mut drive.agreements.comparisons {
             agreement.scanner = evil.into();
         }
     }

@@ -280,7 +280,7 @@ fn agreements(n: usize) -> Agreements {
         })
     });
     Agreements {
-        found: found.collect(),
+        comparisons: found.collect(),
         missing: Vec::new(),
     }
 }
