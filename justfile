@@ -5,7 +5,7 @@ _list:
 
 # All tests, as the continuous integration runs them
 test:
-    cargo test --release
+    cargo test
 
 # The long tests that `test` leaves out, all of them or those with PART in their name: docs/acceptance.md
 acceptance PART="":
@@ -36,9 +36,9 @@ web-frames:
 # Formatting, clippy and documentation, with warnings denied
 lint:
     cargo fmt --check
-    cargo clippy --all-targets --features examples -- -D warnings
+    cargo clippy --workspace --all-targets --features boresight/examples -- -D warnings
     cargo clippy --no-default-features --features cli -- -D warnings
-    RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
+    RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps
 
 # Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)
 deny:

@@ -486,7 +486,7 @@ fn omnivariance_equals_jakteristics() {
 /// each of these clouds would take hours if every query visited all of them.
 #[test]
 fn coinciding_points_take_no_more_time_than_others() {
-    const MANY: usize = 200_000;
+    const MANY: usize = 100_000;
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let mut surface = |count: usize| -> Vec<Vec3> {
         let point = |_| {

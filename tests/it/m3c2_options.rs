@@ -47,11 +47,14 @@ fn brute(
     settings: &ComparisonSettings,
 ) -> (f64, f64, [usize; 2]) {
     let samples = clouds.map(|cloud| {
+        // In plain numbers, as vectors take minutes here without optimisation.
+        let ([a, b, c], [u, v, w]): ([f64; 3], [f64; 3]) = ((*core).into(), (*normal).into());
         let heights = cloud.iter().filter_map(|point| {
-            let d = point - core;
-            let height = d.dot(normal);
-            let across = d - normal * height;
-            let inside = across.norm_squared() <= settings.cylinder_radius_m.powi(2)
+            let [x, y, z]: [f64; 3] = (*point).into();
+            let (dx, dy, dz) = (x - a, y - b, z - c);
+            let height = dx * u + dy * v + dz * w;
+            let (ex, ey, ez) = (dx - u * height, dy - v * height, dz - w * height);
+            let inside = ex * ex + ey * ey + ez * ez <= settings.cylinder_radius_m.powi(2)
                 && height.abs() < settings.max_distance_m.max(settings.cylinder_radius_m)
                 && (!settings.one_sided || height >= 0.0);
             inside.then_some(height)
