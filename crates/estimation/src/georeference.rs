@@ -225,7 +225,6 @@ impl<'a> Georeferencer<'a> {
     }
 
     /// Returns the position of `point` in the world, metres; `None` as for [`Self::body_at`].
-    #[inline]
     pub fn place(&mut self, point: &ScanPoint) -> Option<Vec3> {
         let (time_s, world_from_body) = self.body_at(point);
         let mounting = match self.bending {
