@@ -37,7 +37,8 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 struct Smoothed {
     poses: Vec<PoseRecord>,
     result: String,
-    covariance: Option<PosteriorCovariance>,
+    /// In a box: Python aligns its objects to 16 bytes, and the covariance needs 64.
+    covariance: Option<Box<PosteriorCovariance>>,
 }
 
 #[pymethods]
@@ -99,7 +100,7 @@ impl Smoothed {
         Self {
             result: serde_json::Value::from(result).to_string(),
             poses,
-            covariance,
+            covariance: covariance.map(Box::new),
         }
     }
 }
