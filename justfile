@@ -40,11 +40,6 @@ lint:
     cargo clippy --no-default-features --features cli -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps
 
-# Builds with the oldest Rust that the README names; of std's functions newer than it, clippy warns on its own
-oldest VERSION="1.89":
-    rustup toolchain install {{VERSION}} --profile minimal
-    CARGO_TARGET_DIR=target/oldest rustup run {{VERSION}} cargo check --locked --workspace
-
 # Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)
 deny:
     cargo deny check
