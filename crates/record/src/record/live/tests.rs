@@ -18,7 +18,7 @@ const HEADING: &str = "time_s,heading_deg\n";
 struct Drive {
     folder: tempfile::TempDir,
     live: Live,
-    /// How far the clocks of IMU and prism are behind, seconds.
+    /// Delay of the clocks of IMU and prism, seconds.
     late_s: [f64; 2],
     polar: bool,
 }
@@ -73,7 +73,7 @@ impl Drive {
         writeln!(log, "{row}").unwrap();
     }
 
-    /// Appends what the IMU measured, from and to in hundredths of a second.
+    /// Appends samples of the IMU, from and to in hundredths of a second.
     fn imu(&self, from: u32, to: u32) {
         for k in from..to {
             let time_s = BEGIN_S + 0.01 * f64::from(k) - self.late_s[0];
@@ -81,7 +81,7 @@ impl Drive {
         }
     }
 
-    /// Appends what the prism and the compass measured, likewise.
+    /// Appends fixes of the prism and headings, likewise.
     fn others(&self, from: u32, to: u32) {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
@@ -101,12 +101,6 @@ impl Drive {
     fn look(&mut self, hundredths: u32) {
         let now_s = BEGIN_S + 0.01 * f64::from(hundredths);
         self.live.look(now_s).unwrap();
-    }
-}
-
-impl Drop for Drive {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.live.scratch);
     }
 }
 
