@@ -5,7 +5,7 @@ _list:
 
 # All tests, as the continuous integration runs them
 test:
-    cargo test --release
+    cargo test
 
 # The long tests that `test` leaves out, all of them or those with PART in their name: docs/acceptance.md
 acceptance PART="":
@@ -24,21 +24,21 @@ full:
 web:
     cd web && npm ci --no-fund --no-audit && npm run --silent build
 
-# Is it the committed one, and does it work in a browser? (needs node, npm and Chromium)
+# Checks that the committed viewer is up to date and works in a browser (needs node, npm and Chromium)
 web-test:
     cargo build --release
     cd web && npm ci --no-fund --no-audit && npm run --silent test
 
-# Time of a frame of the viewer in software at 200,000 and 1,000,000 points
+# Frame times of the viewer with software rendering, at 200,000 and 1,000,000 points
 web-frames:
     cd web && npm run --silent frames
 
 # Formatting, clippy and documentation, with warnings denied
 lint:
     cargo fmt --check
-    cargo clippy --all-targets --features examples -- -D warnings
+    cargo clippy --workspace --all-targets --features boresight/examples -- -D warnings
     cargo clippy --no-default-features --features cli -- -D warnings
-    RUSTDOCFLAGS=-Dwarnings cargo doc --no-deps
+    RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps
 
 # Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)
 deny:
@@ -48,7 +48,7 @@ deny:
 python:
     tools/python.sh
 
-# What Python costs against the command on 5 million points (needs the package installed)
+# Overhead of Python compared with the command, on 5 million points (needs the package installed)
 bench-python *ARGS:
     python3 python/benches/overhead.py --command target/release/boresight {{ARGS}}
 
@@ -64,24 +64,24 @@ bench-trajectory *ARGS:
 montecarlo SEEDS="10":
     cargo run --release --features examples --example montecarlo -- {{SEEDS}}
 
-# Errors of the joint adjustment beside two steps over SEEDS simulated drives: the tables of docs/joint.md
+# Errors of the joint adjustment compared with two steps over SEEDS simulated drives: the tables of docs/joint.md
 joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
-# Simulated campaigns of 20 days, of which day 7 has a knock: the tables of docs/drift.md
+# Simulated campaigns of 20 days with a knock on day 7: the tables of docs/drift.md
 drift SEEDS="3" FIRST="1" *ARGS:
     cargo run --release --features examples --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
-# From how far away the calibration ends at the same minimum, by STARTS random starts at each distance
+# How far from the minimum the calibration still converges to it: STARTS random starts at each distance
 basin STARTS="100" DRIVE="":
     cargo run --release --features examples --example basin -- {{STARTS}} {{DRIVE}}
 
-# The GeoCOM client and the simulated instrument against geocompy, by a PYTHON that has it and pyserial
+# Tests the GeoCOM client and the simulated instrument against geocompy (needs a PYTHON with geocompy and pyserial)
 geocompy PYTHON:
     cargo build --release --features examples --example geocom_simulated --example geocom_track
     BORESIGHT_GEOCOMPY={{PYTHON}} cargo test --release --features examples --test it geocompy -- --ignored --nocapture
 
-# sbgECom, recorded and read, against the maker's library, installed in PREFIX (needs a C compiler)
+# Tests recording and reading of sbgECom against the manufacturer's library in PREFIX (needs a C compiler)
 sbgecom PREFIX:
     BORESIGHT_SBGECOM={{PREFIX}} cargo test --release --test clock sbgecom -- --ignored --nocapture --test-threads=1
 
@@ -93,11 +93,11 @@ consistency DRIVES="50":
 bench-kernels *ARGS:
     python3 benches/kernels/run.py {{ARGS}}
 
-# Benchmark of mountings that move against KinScanCal on the same drives (needs Python; three quarters of an hour)
+# Benchmark of moving mountings against KinScanCal on the same drives (needs Python; three quarters of an hour)
 bench-moving *ARGS:
     python3 benches/moving/run.py {{ARGS}}
 
-# Speed of reading a recording on one core, beside that of its bytes
+# Speed of reading a recording on one core, compared with reading only its bytes
 read-speed *FILE:
     cargo run --release --features examples --example read_speed -- {{FILE}}
 

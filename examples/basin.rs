@@ -67,12 +67,12 @@ impl Drive {
             &self.reference,
             &Silent,
         )?;
-        let marked = start.said.iter().filter(|v| v.severity.is_marked());
+        let marked = start.verdicts.iter().filter(|v| v.severity.is_marked());
         let mut said: Vec<String> = marked.map(|v| v.code.clone()).collect();
         let other = found
             .minimum
             .as_ref()
-            .and_then(|minimum| minimum.other.as_ref());
+            .and_then(|minimum| minimum.alternative.as_ref());
         said.extend(other.map(|_| "calibration.minimum".into()));
         Ok((found, said))
     }

@@ -43,11 +43,11 @@ fn run(seed: u64, folder: &Path) -> Result<[(usize, usize); 3]> {
         ..Scenario::demo()
     };
     let drive = DemoDrive::simulate(scenario, folder)?;
-    print_pose_errors(&drive.own, &drive.exact);
+    print_pose_errors(&drive.estimated, &drive.exact);
     let settings = &drive.project.calibration;
     let runs = [
-        ("estimated poses", &drive.own, &drive.reference[..]),
-        ("no reference", &drive.own, &[]),
+        ("estimated poses", &drive.estimated, &drive.reference[..]),
+        ("no reference", &drive.estimated, &[]),
         ("exact poses", &drive.exact, &drive.reference),
     ];
     let mut inside = [(0, 0); 3];

@@ -102,12 +102,12 @@ def rotation(angles_deg):
     return [-whole[0], -whole[1], -whole[2], whole[3]]
 
 
-def errors(found, truth):
+def errors(mounting, truth):
     """The errors of a mounting, in metres and in degrees about the axes of the body."""
     q = rotation(truth["rotation_deg"])
-    off = product(found["quaternion_xyzw"], [-q[0], -q[1], -q[2], q[3]])
+    off = product(mounting["quaternion_xyzw"], [-q[0], -q[1], -q[2], q[3]])
     sign = math.copysign(1, off[3])
-    return [a - b for a, b in zip(found["translation_m"], truth["translation_m"])] + [math.degrees(2 * sign * x) for x in off[:3]]
+    return [a - b for a, b in zip(mounting["translation_m"], truth["translation_m"])] + [math.degrees(2 * sign * x) for x in off[:3]]
 
 
 def row(name, chosen, folder):
@@ -133,10 +133,10 @@ def row(name, chosen, folder):
     truth = tomllib.loads((drive / "truth" / "mounting.toml").read_text())
     truth = {each["name"]: each for each in truth["scanner"]}
     sigmas, normalised = [], []
-    for scanner, found in result["scanners"].items():
-        sigma = found["sigma"]["translation_m"] + found["sigma"]["rotation_deg"]
+    for scanner, calibrated in result["scanners"].items():
+        sigma = calibrated["sigma"]["translation_m"] + calibrated["sigma"]["rotation_deg"]
         sigmas.append(sigma)
-        off = errors(found["body_from_scanner"], truth[scanner])
+        off = errors(calibrated["body_from_scanner"], truth[scanner])
         normalised += [error / sigma for error, sigma in zip(off, sigma) if sigma]
     worst = [max((sigma for sigma in each if sigma is not None), default=math.nan) for each in zip(*sigmas)]
     poses = (drive / "prism.csv").read_text().splitlines()

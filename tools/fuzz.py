@@ -34,11 +34,11 @@ def targets():
 
 def run(target, seconds, folder):
     """The number of executions of a target, and whether it passed."""
-    found = ROOT / "fuzz" / "target" / "found" / target
+    new_inputs = ROOT / "fuzz" / "target" / "found" / target
     corpus = ROOT / "fuzz" / "corpus" / target
-    for place in (found, corpus):
+    for place in (new_inputs, corpus):
         place.mkdir(parents=True, exist_ok=True)
-    command = cargo_fuzz("run", "-s", "none", target, str(found), str(corpus)) + [
+    command = cargo_fuzz("run", "-s", "none", target, str(new_inputs), str(corpus)) + [
         "--", f"-max_total_time={seconds}", f"-timeout={LONGEST_S}", f"-max_len={LARGEST}",
         "-print_final_stats=1"]
     env = dict(os.environ, TMPDIR=folder)
@@ -56,10 +56,10 @@ def main():
     total, failed = 0, []
     try:
         for target in sys.argv[2:] or targets():
-            count, held = run(target, seconds, folder)
+            count, passed = run(target, seconds, folder)
             total += count
-            failed += [] if held else [target]
-            print(f"{target:10} {count:>12,} executions{'' if held else '  FAILED'}", flush=True)
+            failed += [] if passed else [target]
+            print(f"{target:10} {count:>12,} executions{'' if passed else '  FAILED'}", flush=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     print(f"{'sum':10} {total:>12,} executions")

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Prints every message that a user can see, by file: the prose among the string literals of src/ and crates/, and
-the help texts of the command line. For reading aloud.
+the help texts of the command line. For proofreading.
 
     python3 tools/messages.py [FILE...]
 """
@@ -44,14 +44,14 @@ def main(files):
         if path.name == "tests.rs" or "tests" in path.parts:
             continue
         code = without_tests(path.read_text())
-        found = [(line, text) for line, text in literals(code) if is_prose(text)]
+        messages = [(line, text) for line, text in literals(code) if is_prose(text)]
         if "cli" in path.parts:
-            found += [
+            messages += [
                 (code.count("\n", 0, match.start(1)) + 1, match[1]) for match in HELP.finditer(code)
             ]
-        if found:
+        if messages:
             print(f"\n== {path.resolve().relative_to(ROOT)}")
-        for line, text in sorted(found):
+        for line, text in sorted(messages):
             print(f"{line:5}  {text.strip()}")
 
 

@@ -1,31 +1,43 @@
 #!/usr/bin/env bash
-# Builds the wheel of the Python package, installs it in a new environment and tests it there. If Python, pip or
+# Tests the Python package in a new environment: as a wheel in the profile `release`, or with the argument `built`
+# beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing. If Python, pip or
 # the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-# Reuses dependencies that were built for the main crate.
-export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
-cargo clippy --locked --manifest-path python/Cargo.toml --all-targets -- -D warnings
-
 without() {
-    echo "$1: the Python package is not built and not tested"
+    echo "$1: the Python package is not tested"
     exit 0
 }
+target="${CARGO_TARGET_DIR:-$PWD/target}"
 python=$(command -v python3) || without "no python3"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || without "python3 is older than 3.11, which the tests need"
-folder="$CARGO_TARGET_DIR/python"
+folder="$target/python"
 rm -rf "$folder"
 mkdir -p "$folder"
 "$python" -m venv "$folder/venv" >/dev/null 2>&1 || without "no module venv with pip"
 python="$folder/venv/bin/python"
 pip=("$python" -m pip --quiet --disable-pip-version-check)
-"${pip[@]}" install 'maturin>=1.7,<2' || without "maturin cannot be had"
 
-"$folder/venv/bin/maturin" build --profile ci --locked --quiet --manifest-path python/Cargo.toml \
-    --interpreter "$python" --out "$folder/wheels"
-wheel=$(echo "$folder"/wheels/*.whl)
-"${pip[@]}" install "$wheel" || without "numpy cannot be had"
-"${pip[@]}" install "$wheel[test]" || without "the packages of the tests cannot be had"
-echo "$(basename "$wheel"), $(($(stat -c %s "$wheel") / 1000)) kB"
-BORESIGHT_WHEEL="$wheel" "$python" -m pytest -p no:cacheprovider python
+if [[ ${1:-wheel} == built ]]; then
+    packages=$("$python" - <<'PACKAGES'
+import tomllib
+project = tomllib.load(open("python/pyproject.toml", "rb"))["project"]
+print("\n".join(project["dependencies"] + project["optional-dependencies"]["test"]))
+PACKAGES
+    )
+    mapfile -t packages <<<"$packages"
+    "${pip[@]}" install "${packages[@]}" || without "the packages of the tests cannot be had"
+    installed=$("$python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')/boresight
+    cp -r python/package/boresight "$installed"
+    cp "$target/debug/lib_boresight.so" "$installed/_boresight.abi3.so"
+else
+    "${pip[@]}" install 'maturin>=1.7,<2' || without "maturin cannot be had"
+    CARGO_TARGET_DIR="$target" "$folder/venv/bin/maturin" build --release --locked --quiet \
+        --manifest-path python/Cargo.toml --interpreter "$python" --out "$folder/wheels"
+    BORESIGHT_WHEEL=$(echo "$folder"/wheels/*.whl)
+    export BORESIGHT_WHEEL
+    "${pip[@]}" install "$BORESIGHT_WHEEL[test]" || without "the packages of the tests cannot be had"
+    echo "$(basename "$BORESIGHT_WHEEL"), $(($(stat -c %s "$BORESIGHT_WHEEL") / 1000)) kB"
+fi
+"$python" -m pytest -p no:cacheprovider python

@@ -1,4 +1,4 @@
-// Builds the one script that the page holds: `node build.js <folder>`.
+// Builds the script that the page contains: `node build.js <folder>`.
 
 import { readFileSync } from 'node:fs';
 import { build } from 'esbuild';

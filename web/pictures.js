@@ -20,11 +20,11 @@ const address = (out) => pathToFileURL(resolve(out, 'report.html')).href;
 const run = await browser();
 const page = await run.newPage({ viewport: { width: 1280, height: 900 }, colorScheme: 'light' });
 
-/** The first element that matches, with some ground around it, `height` px of it at most. */
+/** Takes a picture of the first element that matches, with a margin, at most `height` px high. */
 async function take(name, selector, height = 900) {
-  const found = page.locator(selector).first();
-  await found.scrollIntoViewIfNeeded();
-  const box = await found.boundingBox();
+  const element = page.locator(selector).first();
+  await element.scrollIntoViewIfNeeded();
+  const box = await element.boundingBox();
   const scrolled = await page.evaluate(() => [scrollX, scrollY]);
   const clip = {
     x: Math.max(0, Math.round(box.x + scrolled[0]) - 12),

@@ -4,7 +4,7 @@ use boresight::geometry::Vec3;
 use boresight::nalgebra::{DMatrix, SymmetricEigen};
 use boresight::statistics::{NORMAL_97_5, chi_square, mean, rms};
 
-use super::joint_drive::{Found, Run, SIX};
+use super::joint_drive::{Outcome, Run, SIX};
 
 /// Normal quantile of the two-sided 99 % interval.
 const NORMAL_99_5: f64 = 2.575_829_303_548_901;
@@ -128,7 +128,7 @@ pub fn print_seed(case: &str, seed: u64, run: &Run) {
         );
     }
     if let Some(found) = &run.evaluation {
-        let list = |of: fn(&Found) -> f64| list(found.iter().map(|found| of(found) * 1e3), 3);
+        let list = |of: fn(&Outcome) -> f64| list(found.iter().map(|found| of(found) * 1e3), 3);
         println!(
             "{case} seed {seed} another drive, mountings of two steps, of joint, and adjusted: poses {} points {} mm",
             list(|found| found.poses_m),

@@ -18,11 +18,12 @@ DATA = REPOSITORY / "tests" / "data"
 
 
 def command_path() -> str | None:
-    """The command: `BORESIGHT`, or that of the path, or that which cargo built."""
+    """The command: `BORESIGHT`, or that of the path, or that which cargo built last."""
     target = Path(os.environ.get("CARGO_TARGET_DIR", REPOSITORY / "target"))
-    built = [path for profile in ("ci", "release") if (path := target / profile / "boresight").exists()]
+    built = [path for profile in ("debug", "release") if (path := target / profile / "boresight").exists()]
+    built.sort(key=lambda path: path.stat().st_mtime)
     named = os.environ.get("BORESIGHT") or shutil.which("boresight")
-    return named or (str(built[0]) if built else None)
+    return named or (str(built[-1]) if built else None)
 
 
 @pytest.fixture(scope="session")

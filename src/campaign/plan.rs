@@ -62,14 +62,14 @@ impl Draft {
 struct Named<'a> {
     key: &'static str,
     pattern: &'a Pattern,
-    found: Vec<(Place, String)>,
+    files: Vec<(Place, String)>,
 }
 
 impl<'a> Named<'a> {
     fn new(key: &'static str, pattern: &'a Option<Pattern>, listing: &Listing) -> Option<Self> {
         let pattern = pattern.as_ref()?;
         // A pattern for a single path may name a file outside of the folder.
-        let found = if pattern.is_open() {
+        let files = if pattern.is_open() {
             listing.matching(pattern)
         } else {
             vec![(Place::default(), pattern.text())]
@@ -77,13 +77,13 @@ impl<'a> Named<'a> {
         Some(Self {
             key,
             pattern,
-            found,
+            files,
         })
     }
 
     fn file(&self, plot: &str, date: &str) -> Result<&(Place, String)> {
         let mut matches = self
-            .found
+            .files
             .iter()
             .filter(|(place, _)| place.is_of(plot, date));
         let pattern = self.pattern.text();
@@ -117,7 +117,7 @@ impl Campaign {
             texts.extend(listing.has(&path).then_some(path));
         }
         let calibrated = Named::new("calibration_project", &self.calibration_project, listing);
-        let calibrated = calibrated.into_iter().flat_map(|named| named.found);
+        let calibrated = calibrated.into_iter().flat_map(|named| named.files);
         texts.extend(calibrated.map(|(_, path)| path));
         if let Some(template) = &self.template {
             texts.insert(relative(template, self.folder()));
@@ -209,7 +209,7 @@ struct Planner<'a> {
 impl Planner<'_> {
     /// Adds the projects that are calibrated: the first drafts, in the order of their paths.
     fn calibrations(&mut self) {
-        let projects = self.calibrated.iter().flat_map(|named| &named.found);
+        let projects = self.calibrated.iter().flat_map(|named| &named.files);
         let drafts = projects.map(|(place, path)| {
             let mut draft = Draft::new(Kind::Calibration, place.plot.clone(), place.date.clone());
             let task = self.written(path).and_then(|project| {
@@ -280,7 +280,7 @@ impl Planner<'_> {
     fn mountings(&self, plot: &str, date: &str, draft: &mut Draft) -> Result<MountingsFrom> {
         if let Some(named) = &self.calibrated {
             let (place, _) = named.file(plot, date)?;
-            let number = named.found.iter().position(|(other, _)| other == place);
+            let number = named.files.iter().position(|(other, _)| other == place);
             draft.needs.extend(number);
             // The name of the calibration is known only when its inputs are.
             return Ok(MountingsFrom::Item(String::new()));

@@ -94,7 +94,7 @@ pub fn analyse(
     findings.kept = job.commit()?.map(|finished| KeptStages {
         folder: finished.folder().to_owned(),
         bytes: finished.bytes(),
-        found: finished.found().to_vec(),
+        reused: finished.reused().to_vec(),
     });
     Ok(findings)
 }

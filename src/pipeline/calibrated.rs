@@ -76,7 +76,7 @@ impl Calibrated {
             stages::calibration(&begin, &settings, poses, samples, reference, progress)
         })?;
         // Refusing scans that are badly misplaced would otherwise take minutes.
-        let mut verdicts = poses.preflight.iter().chain(&start.said);
+        let mut verdicts = poses.preflight.iter().chain(&start.verdicts);
         let minimum = two_steps.minimum.as_ref();
         let hindrance = if verdicts.any(|verdict| verdict.severity == Severity::Fault) {
             Some("logs or scans have the fault that stands first")
@@ -167,7 +167,7 @@ impl Calibrated {
             made_s: page::now_s(),
             files: Vec::new(),
             stages: job.stages().to_vec(),
-            placement: self.start.said,
+            placement: self.start.verdicts,
             warnings: job.warnings().to_vec(),
             verdicts: Vec::new(),
             kept: None,

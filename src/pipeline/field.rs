@@ -95,7 +95,7 @@ pub fn field(
         "span_s": [drive.poses.first().map(|pose| pose.time_s), drive.poses.last().map(|pose| pose.time_s)],
         "tiles": tiles,
         "crs_wkt": shape.wkt,
-        "agreement": drive.agreements.found.iter().map(agreement).collect::<Vec<_>>(),
+        "agreement": drive.agreements.comparisons.iter().map(agreement).collect::<Vec<_>>(),
     });
     judge(&mut result, &verdicts);
     Ok(Outcome {

@@ -94,6 +94,6 @@ pub struct KeptStages {
     pub folder: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// The stages that an earlier run had finished.
-    pub found: Vec<String>,
+    /// The stages that an earlier run had finished, and this run reused.
+    pub reused: Vec<String>,
 }

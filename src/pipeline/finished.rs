@@ -60,8 +60,8 @@ pub struct Finished {
     keeps: bool,
     /// The files that this run found or wrote there.
     used: Vec<PathBuf>,
-    /// The stages that it found.
-    found: Vec<String>,
+    /// The stages of earlier runs that it reused.
+    reused: Vec<String>,
 }
 
 impl Finished {
@@ -79,7 +79,7 @@ impl Finished {
             finds: !fresh,
             keeps: true,
             used: Vec::new(),
-            found: Vec::new(),
+            reused: Vec::new(),
         })
     }
 
@@ -88,9 +88,9 @@ impl Finished {
         &self.folder
     }
 
-    /// The stages that this run found.
-    pub fn found(&self) -> &[String] {
-        &self.found
+    /// The stages of earlier runs that this run reused.
+    pub fn reused(&self) -> &[String] {
+        &self.reused
     }
 
     /// The result of a stage, if it was finished and its files are complete. The files that the stage wrote then appear
@@ -131,7 +131,7 @@ impl Finished {
         }
         self.used.extend(places);
         self.used.push(place);
-        self.found.push(stage.to_owned());
+        self.reused.push(stage.to_owned());
         Ok(Some(finished))
     }
 

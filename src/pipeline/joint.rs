@@ -133,9 +133,9 @@ pub fn report(
         ));
     }
     Ok(JointReport {
-        found: joint,
+        result: joint,
         refused,
-        said: verdicts,
+        verdicts,
         late,
         seconds: begun.elapsed().as_secs_f64(),
     })

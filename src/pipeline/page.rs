@@ -156,7 +156,7 @@ pub fn comparison(
         inputs,
         comparison: Some(content::Comparison {
             reference,
-            found: Agreement {
+            agreement: Agreement {
                 scanner: cloud,
                 against: Against::Reference,
                 mounting: MountingKind::Final,

@@ -110,7 +110,7 @@ pub fn calibrated(result: &Calibration) -> Value {
 fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     let refused = (!report.refused.is_empty()).then(|| report.refused.join("; "));
     let mut value = json!({ "refused": refused, "seconds": report.seconds });
-    let Some(joint) = &report.found else {
+    let Some(joint) = &report.result else {
         value["decided"] = Value::Null;
         value["reason"] = json!(refused);
         return value;

@@ -99,9 +99,9 @@ pub struct Start {
     /// Its scales, preceded by coarser ones if the clouds lie farther apart than the scales of the project reach.
     pub voxel_sizes_m: Vec<f64>,
     /// Contradictions between the scans and their placement.
-    pub said: Vec<Verdict>,
+    pub verdicts: Vec<Verdict>,
 }
-stored!(struct Start { mountings, voxel_sizes_m, said });
+stored!(struct Start { mountings, voxel_sizes_m, verdicts });
 
 impl Start {
     /// The project with these mountings.
@@ -161,7 +161,7 @@ pub fn start(
     Start {
         mountings: initial_poses(&project),
         voxel_sizes_m: scales_for(&project, samples, apart_m, progress),
-        said: verdicts,
+        verdicts,
     }
 }
 

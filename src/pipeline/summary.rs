@@ -56,8 +56,8 @@ fn stages(findings: &Findings) -> String {
         return String::new();
     };
     let mut text = String::new();
-    if !kept.found.is_empty() {
-        let names = kept.found.join(", ");
+    if !kept.reused.is_empty() {
+        let names = kept.reused.join(", ");
         text.push_str(&format!(
             "\nFinished by an earlier run: {names} (--fresh runs them again).\n"
         ));
@@ -124,7 +124,9 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 
 /// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
-    let mut all = drives.iter().flat_map(|drive| &drive.agreements.found);
+    let mut all = drives
+        .iter()
+        .flat_map(|drive| &drive.agreements.comparisons);
     let is_joint = all.any(|agreement| agreement.mounting == MountingKind::TwoStep);
     let result = if is_joint {
         "joint adjustment"

@@ -1,5 +1,5 @@
 //! Every input of the fuzz corpora, read as the fuzz targets read it: no panic, no reader that takes more than a
-//! second, no error without the name of its file. Each fault that fuzzing found has its input there.
+//! second, no error without the name of its file. The corpora contain the input of each fault that fuzzing found.
 
 #[path = "../../fuzz/src/readers.rs"]
 mod readers;
@@ -30,7 +30,7 @@ fn replay(name: &str) {
     assert!(files.len() > 1, "no corpus for {name}");
     for file in files {
         let bytes = std::fs::read(&file).expect("an input");
-        // The name of the input, if its reader panics.
+        // Shown if the reader panics.
         println!("{}", file.display());
         read_all(target, &scratch, &bytes, &mut |call| call());
     }
@@ -61,7 +61,7 @@ fn every_corpus_is_replayed_and_small() {
     for folder in folders {
         let folder = folder.expect("a corpus").file_name();
         let name = folder.to_str().expect("a target");
-        // Project files have a fuzz target of their own.
+        // Project files have a separate fuzz target.
         assert!(TESTED.contains(&name) || name == "project", "{name}");
         for file in inputs(name) {
             let size = file.metadata().expect("an input").len();

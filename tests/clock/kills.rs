@@ -1,4 +1,4 @@
-//! Killed processes leave whole files, and the next run makes up for them.
+//! Killed processes leave complete files, and the next run finishes their work.
 
 use std::fs;
 use std::path::Path;
@@ -21,11 +21,11 @@ fn hidden(out: &Path) -> usize {
         .count()
 }
 
-/// Whoever is killed or interrupted leaves the old files or the new ones, each whole: so many runs, from their
-/// start to their end, or a little later.
+/// Kills or interrupts `count` runs at moments from their start to shortly after their end: each result is then the
+/// old file or the new one, complete.
 #[cfg(unix)]
 fn killed_runs_leave_old_or_new_files(count: u32) {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let out = drive.join("out");
     let start = Instant::now();
     let run = on_project(&drive, "run", &[]);
@@ -33,7 +33,7 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
     assert_eq!(run.code, 0, "{}", run.err);
     let (old, old_files) = (results(&out), drive.join("old"));
     fs::rename(&out, &old_files).unwrap();
-    // Every result is another with these.
+    // These changes alter every result.
     rewrite_project(&drive, |text| {
         text.replace("sigma_m = 0.005", "sigma_m = 0.02")
             .replace("translation_m = [1.2,", "translation_m = [1.21,")
@@ -42,7 +42,7 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
     assert_eq!(run.code, 0, "{}", run.err);
     let new = results(&out);
     for (name, bytes) in &old {
-        assert!(bytes != &new[name], "{name} does not change");
+        assert!(bytes != &new[name], "{name} is unchanged");
     }
 
     let mut leftovers = 0;
@@ -66,7 +66,7 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
             child.kill().unwrap();
         } else {
             let pid = child.id().to_string();
-            // It may be over already.
+            // The run may have ended already.
             let _ = Command::new("kill")
                 .args(["-INT", &pid])
                 .stderr(Stdio::null())
@@ -74,24 +74,24 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
         }
         child.wait().unwrap();
         leftovers += usize::from(hidden(&out) > 0);
-        let found = results(&out);
-        for (name, bytes) in &found {
-            let whole = bytes == &old[name] || bytes == &new[name];
+        let present = results(&out);
+        for (name, bytes) in &present {
+            let is_complete = bytes == &old[name] || bytes == &new[name];
             assert!(
-                whole,
+                is_complete,
                 "step {step}: {name} is neither the old nor the new one"
             );
         }
-        if found["result.json"] == new["result.json"] {
+        if present["result.json"] == new["result.json"] {
             assert!(
-                found == new,
-                "step {step}: result.json speaks of files that are not there"
+                present == new,
+                "step {step}: result.json describes files that are not there"
             );
         }
     }
 
-    // The next run that is left alone removes what the killed ones left.
-    assert!(leftovers > 0, "no run was killed at work");
+    // The next undisturbed run removes the temporary files of the killed ones.
+    assert!(leftovers > 0, "no run was killed while it worked");
     assert_eq!(on_project(&drive, "run", &[]).code, 0);
     assert!(results(&out) == new);
     assert_eq!(hidden(&out), 0);
@@ -110,23 +110,23 @@ fn a_dozen_killed_runs_leave_old_or_new_files() {
     killed_runs_leave_old_or_new_files(12);
 }
 
-/// The next run after a kill goes on from there, and gives what one that nobody disturbed gives.
+/// The next run after a kill continues from there, and gives the results of an undisturbed run.
 #[cfg(unix)]
 #[test]
 #[ignore = "just acceptance"]
-fn a_hundred_killed_runs_are_made_up_for() {
-    let (_kept, drive) = simulated();
-    let (whole, out) = (drive.join("whole"), drive.join("out"));
-    // The shortest of three, lest kills come when all is over.
-    let whole_run = |_| {
+fn the_runs_after_a_hundred_kills_give_the_results_of_an_undisturbed_run() {
+    let (_temp, drive) = simulated();
+    let (undisturbed, out) = (drive.join("undisturbed"), drive.join("out"));
+    // The shortest of three, so that kills do not come after the end.
+    let full_run = |_| {
         let begun = Instant::now();
-        let out = whole.to_str().unwrap();
+        let out = undisturbed.to_str().unwrap();
         let run = on_project(&drive, "run", &["--fresh", "--out", out]);
         assert_eq!(run.code, 0, "{}", run.err);
         begun.elapsed()
     };
-    let took = (0..3).map(whole_run).min().unwrap();
-    let expected = results(&whole);
+    let took = (0..3).map(full_run).min().unwrap();
+    let expected = results(&undisturbed);
     let random = &mut ChaCha8Rng::seed_from_u64(1);
     let mut killed = 0;
     for number in 0..100 {
@@ -146,11 +146,11 @@ fn a_hundred_killed_runs_are_made_up_for() {
         fs::remove_dir_all(&out).unwrap();
         fs::remove_dir_all(drive.join("out.finished")).unwrap();
     }
-    println!("{killed} of 100 were still at work");
+    println!("{killed} of 100 were still working");
     assert!(killed > 80);
 }
 
-/// Whoever is killed leaves, of each result, the old file or the new one, byte for byte.
+/// A killed run leaves the old file or the new one, byte for byte.
 #[test]
 fn a_killed_trajectory_leaves_the_old_or_the_new_file() {
     let folder = project_of_logs();
@@ -171,7 +171,7 @@ fn a_killed_trajectory_leaves_the_old_or_the_new_file() {
     assert_ne!(old, new);
 
     fs::write(&project, &other).unwrap();
-    let (mut seen_old, mut seen_new) = (0, 0);
+    let (mut count_old, mut count_new) = (0, 0);
     for step in 0..40 {
         fs::write(&result, &old).unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
@@ -180,33 +180,33 @@ fn a_killed_trajectory_leaves_the_old_or_the_new_file() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        // From the start to well after the end, denser than any single write.
+        // From the start to well after the end, at intervals shorter than a write.
         std::thread::sleep(took.mul_f64(f64::from(step) * 1.5 / 40.0));
         child.kill().unwrap();
         child.wait().unwrap();
-        let found = fs::read(&result).unwrap();
-        if found == old {
-            seen_old += 1;
+        let present = fs::read(&result).unwrap();
+        if present == old {
+            count_old += 1;
         } else {
             assert!(
-                found == new,
+                present == new,
                 "neither the old nor the new file at step {step}"
             );
-            seen_new += 1;
+            count_new += 1;
         }
     }
     assert!(
-        seen_old > 0 && seen_new > 0,
-        "{seen_old} old, {seen_new} new: no kill in between"
+        count_old > 0 && count_new > 0,
+        "{count_old} old, {count_new} new: no kill in between"
     );
 
-    // The next run that is left alone removes what the killed ones left.
+    // The next undisturbed run removes the temporary files of the killed ones.
     full_run();
     let left = names(&folder.path().join("out"));
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
 }
 
-/// Set for the child process that [`killed_at_any_moment_results_are_whole`] starts of itself.
+/// Set for the child process that [`results_are_complete_after_a_kill_at_any_moment`] starts from its own binary.
 const CHILD: &str = "BORESIGHT_TEST_OUTPUT_FOLDER";
 
 fn write_results_until_killed(dir: &Path) -> ! {
@@ -222,15 +222,18 @@ fn write_results_until_killed(dir: &Path) -> ! {
 }
 
 #[test]
-fn killed_at_any_moment_results_are_whole() {
+fn results_are_complete_after_a_kill_at_any_moment() {
     if let Some(dir) = std::env::var_os(CHILD) {
         write_results_until_killed(Path::new(&dir));
     }
     let dir = tempfile::tempdir().unwrap();
-    let mut seen = 0;
+    let mut complete = 0;
     for k in 0..25 {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "kills::killed_at_any_moment_results_are_whole"])
+            .args([
+                "--exact",
+                "kills::results_are_complete_after_a_kill_at_any_moment",
+            ])
             .env(CHILD, dir.path())
             .stdout(Stdio::null())
             .spawn()
@@ -242,12 +245,15 @@ fn killed_at_any_moment_results_are_whole() {
             let Ok(text) = fs::read_to_string(dir.path().join(name)) else {
                 continue;
             };
-            seen += 1;
+            complete += 1;
             assert_eq!(text.len(), 400_000, "{name}");
             assert!(text.lines().all(|line| line == &text[..1]), "{name}");
         }
     }
-    assert!(seen > 0, "no child came far enough to write anything");
+    assert!(
+        complete > 0,
+        "every child was killed before it wrote anything"
+    );
     drop(Staging::new(dir.path(), &[], &["result.json"]).unwrap());
     let left = names(dir.path());
     assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");

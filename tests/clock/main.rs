@@ -1,5 +1,5 @@
-//! Tests that watch the clock or the machine, and so must not run beside others: what comes in time, what is killed
-//! at some moment, how much memory is taken. All others are in `tests/it`.
+//! Tests that depend on time or on the machine, and so must not run beside others: rates and delays, kills at chosen
+//! moments, peak memory. All others are in `tests/it`.
 
 #![allow(clippy::unwrap_used)] // helpers fail as tests do
 

@@ -1,4 +1,4 @@
-//! Damaged files, and the memory that reading them takes.
+//! Damaged files, and the memory that it takes to read them.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use boresight::format::*;
 use crate::common::data;
 use crate::common::samples::*;
 
-/// Reads a file in every way; it must end, in data or in an error.
+/// Reads a file with every reader; each must return data or an error.
 fn try_everything(path: &Path) {
     let _ = inspect(path);
     let _ = read_cloud(path);
@@ -26,7 +26,8 @@ fn all_points_unchecked(path: &Path) -> boresight::Result<()> {
     Ok(())
 }
 
-/// Reads files of all formats, each cut off at 60 places and changed at 200, or every so many of these.
+/// Reads files of all formats, each cut off at 60 places and changed at 200; with `each` above 1, only at every n-th of
+/// these.
 fn damaged_files_are_errors(each: usize) {
     let dir = tempfile::tempdir().unwrap();
     let mut samples = ["a.bin", "a.laz", "a.las"]
@@ -54,7 +55,7 @@ fn damaged_files_are_errors(each: usize) {
             .path()
             .join(format!("damaged-{}", sample.file_name().unwrap().display()));
         for k in (0..60).step_by(each) {
-            // Dense in the header, then all along the file.
+            // Densely in the header, then throughout the file.
             let n = if k < 30 {
                 k * 13
             } else {
@@ -76,7 +77,7 @@ fn damaged_files_are_errors(each: usize) {
             try_everything(&path);
         }
     }
-    // The files are small; what they claim to hold must not have been believed.
+    // The files are small: memory must not follow the sizes that they claim.
     #[cfg(target_os = "linux")]
     {
         let status = std::fs::read_to_string("/proc/self/status").unwrap();
@@ -91,12 +92,12 @@ fn damaged_files_are_errors(each: usize) {
 }
 
 #[test]
-fn damaged_files_are_errors_and_never_more() {
+fn damaged_files_give_data_or_errors_within_bounded_memory() {
     damaged_files_are_errors(7);
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn files_damaged_at_260_places_are_errors_and_never_more() {
+fn files_damaged_at_260_places_give_data_or_errors_within_bounded_memory() {
     damaged_files_are_errors(1);
 }

@@ -1,4 +1,4 @@
-//! How fast an instrument of 7 Hz is read over TCP, and over a pseudo-terminal.
+//! The rate at which an instrument of 7 Hz is read over TCP and over a pseudo-terminal.
 
 use crate::common::instrument::{self, quick, track};
 use boresight::record::geocom::TrackingSettings;
@@ -6,7 +6,7 @@ use boresight::record::geocom::simulated::SimulatedSettings;
 
 #[test]
 #[ignore = "just acceptance"]
-fn all_distances_and_angles_in_between() {
+fn every_distance_is_read_and_angles_in_between() {
     let run = track(10.0, vec![], SimulatedSettings::default(), quick());
     let rate_hz = run.distances() as f64 / run.seconds;
     let angles_hz = run.angles_only() as f64 / run.seconds;
@@ -17,7 +17,7 @@ fn all_distances_and_angles_in_between() {
         .collect();
     trips_ms.sort_by(f64::total_cmp);
     let at = |share: f64| trips_ms[((trips_ms.len() - 1) as f64 * share) as usize];
-    let (median_ms, high_ms, most_ms) = (at(0.5), at(0.99), at(1.0));
+    let (median_ms, high_ms, longest_ms) = (at(0.5), at(0.99), at(1.0));
     // Age of a distance on arrival, by the instrument's own time.
     let ages_ms = run
         .measurements
@@ -26,9 +26,9 @@ fn all_distances_and_angles_in_between() {
     let oldest_ms = ages_ms.fold(0.0, f64::max);
     println!(
         "{rate_hz:.2} distances/s, {angles_hz:.1} angles/s, round trip {median_ms:.1} ms median, \
-         {high_ms:.1} ms 99 %, {most_ms:.1} ms most; oldest distance on arrival {oldest_ms:.1} ms"
+         {high_ms:.1} ms 99 %, {longest_ms:.1} ms longest; oldest distance on arrival {oldest_ms:.1} ms"
     );
-    // The instrument gives floor(7 t) distances; the last may not be fetched any more.
+    // The instrument measures floor(7 t) distances; the last one may not be read any more.
     assert!(
         run.distances() as f64 >= 7.0 * run.seconds - 2.0,
         "{rate_hz} Hz"
@@ -54,7 +54,7 @@ fn all_distances_and_angles_in_between() {
 }
 
 #[test]
-fn synchronous_program_gives_angles_of_the_distance() {
+fn the_synchronous_program_gives_angles_at_the_time_of_the_distance() {
     let settings = TrackingSettings {
         program: Some(10),
         edm_mode: None,
@@ -62,8 +62,9 @@ fn synchronous_program_gives_angles_of_the_distance() {
     };
     let run = track(2.0, vec![], SimulatedSettings::default(), settings);
     let mut count = 0;
-    for found in &run.measurements {
-        let (Some(time_s), Some(angles)) = (found.instrument_time_s, found.angles) else {
+    for measurement in &run.measurements {
+        let (Some(time_s), Some(angles)) = (measurement.instrument_time_s, measurement.angles)
+        else {
             continue;
         };
         let [e, n, _] = instrument::target(time_s);
@@ -109,7 +110,7 @@ mod terminal {
     }
 
     #[test]
-    fn tracks_over_a_pseudo_terminal() {
+    fn an_instrument_is_tracked_over_a_pseudo_terminal() {
         let (mut far, near) = SerialPort::pair().unwrap();
         far.set_read_timeout(Duration::from_millis(10)).unwrap();
         let mut simulated = Simulated::new(Default::default(), super::instrument::target);
@@ -124,13 +125,13 @@ mod terminal {
         instrument.start().unwrap();
         let mut distances = 0;
         while start.elapsed() < Duration::from_secs(3) {
-            if let Event::Measured(found) = instrument.next_event().unwrap() {
-                distances += usize::from(found.distance_m.is_some());
+            if let Event::Measured(measurement) = instrument.next_event().unwrap() {
+                distances += usize::from(measurement.distance_m.is_some());
             }
         }
         println!("{distances} distances in 3 s, {:?}", instrument.counters());
         assert!(distances >= 16);
-        // Dropped without stop, as after an error of the program.
+        // Dropped without a stop, as after an error of the program.
         drop(instrument);
         assert_eq!(simulated.lock().unwrap().modes(), super::instrument::USERS);
         is_stopped.store(true, Ordering::Relaxed);

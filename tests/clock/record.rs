@@ -1,4 +1,4 @@
-//! Recording: everything that arrives is kept, with the time of its arrival, whatever happens to links, clock and
+//! Recording: all data that arrive are stored with their times of arrival, whatever happens to links, clock and
 //! program.
 
 use std::fs;
@@ -17,7 +17,7 @@ use boresight::record::geocom::simulated::{Simulated, TcpInstrument};
 use boresight::record::{Clock, Field, View, record};
 use boresight::sensor::Observations;
 
-/// Where the prism of the simulated instrument is.
+/// Position of the simulated instrument's prism, metres.
 fn target(time_s: f64) -> [f64; 3] {
     [2.0 + 0.5 * time_s, 20.0, 1.0]
 }
@@ -26,7 +26,7 @@ fn station() -> TcpInstrument {
     TcpInstrument::listen("127.0.0.1:0", Simulated::new(Default::default(), target)).unwrap()
 }
 
-/// A TCP server that sends lines, and dies for a while where it is told to.
+/// A TCP server that sends lines, and is unreachable while `is_dead` is set.
 struct LineServer {
     address: String,
     stop: Arc<AtomicBool>,
@@ -94,7 +94,7 @@ fn field(folder: &Path, sources: &str) -> Field {
     Field::read(&path).unwrap()
 }
 
-/// A source of lines with a number each.
+/// A source of lines that each hold a number.
 fn numbers_from(name: &str, address: &str) -> String {
     format!(
         "[[source]]\nname = \"{name}\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n"
@@ -122,8 +122,8 @@ fn record_for(
 }
 
 #[test]
-fn all_sources_at_once() {
-    let kept = tempfile::tempdir().unwrap();
+fn all_kinds_of_sources_are_recorded_at_once() {
+    let temp = tempfile::tempdir().unwrap();
     let station = station();
     let sent: Arc<Mutex<Vec<String>>> = Arc::default();
     let line = {
@@ -141,7 +141,7 @@ fn all_sources_at_once() {
     let place = heading.local_addr().unwrap();
     drop(heading);
     let field = field(
-        kept.path(),
+        temp.path(),
         &format!(
             "[[source]]\nname = \"station\"\nkind = \"geocom\"\naddress = \"{}\"\n\
              [[source]]\nname = \"imu\"\nkind = \"lines\"\naddress = \"{}\"\n\
@@ -153,7 +153,7 @@ fn all_sources_at_once() {
             imu.address
         ),
     );
-    let (folder, clock) = (kept.path().join("drive"), Clock::default());
+    let (folder, clock) = (temp.path().join("drive"), Clock::default());
     let sentence = b"$GPHDT,123.456,T*32\r\n";
     let mut sentences = 0;
     record_for(5.0, &field, &folder, &clock, &mut |view| {
@@ -162,23 +162,23 @@ fn all_sources_at_once() {
             sentences += 1;
         }
     });
-    // The total station: what it gave, as a log of polar observations.
+    // The total station: a log of polar observations.
     let polar = rows(&folder.join("station.csv"));
     assert!(polar.len() > 25, "{} rows", polar.len());
     for row in &polar[1..] {
         let cells: Vec<&str> = row.split(',').collect();
         let (distance_m, hz_deg): (f64, f64) =
             (cells[1].parse().unwrap(), cells[2].parse().unwrap());
-        // The place of the prism follows from the direction.
+        // The position of the prism follows from the direction.
         let east = 20.0 * hz_deg.to_radians().tan();
         let expected = east.hypot(20.0).hypot(1.0);
         assert!((distance_m - expected).abs() < 2e-3, "{row}: {expected}");
         assert_eq!(cells[4], "0");
     }
     assert!(rows(&folder.join("station.angles.csv")).len() > 100);
-    let found = format::read_positions(&folder.join("station.csv"), &Observations::AsFound);
-    assert!(found.is_ok() || found.unwrap_err().to_string().contains("station"));
-    // Lines: all that were sent while it was open, below their header.
+    let positions = format::read_positions(&folder.join("station.csv"), &Observations::AsFound);
+    assert!(positions.is_ok() || positions.unwrap_err().to_string().contains("station"));
+    // Lines: all that were sent while the link was open, below their header.
     let samples = format::read_imu(&folder.join("imu.csv")).unwrap();
     assert!(
         samples.len() as u64 + 2 >= imu.sent(),
@@ -186,10 +186,10 @@ fn all_sources_at_once() {
         samples.len(),
         imu.sent()
     );
-    // Their own times as they were sent; read, they are on the common time of the recording.
-    let own = &rows(&folder.join("imu.csv"))[1..];
-    assert_eq!(own, &sent.lock().unwrap()[..own.len()]);
-    // However long a busy machine took, they lie between its begin and now.
+    // The log holds the sensor's times as they were sent; the reader maps them to the common time of the recording.
+    let logged = &rows(&folder.join("imu.csv"))[1..];
+    assert_eq!(logged, &sent.lock().unwrap()[..logged.len()]);
+    // However long a busy machine took, those times lie between the beginning of the recording and now.
     let now = clock.now();
     let begun_s = now.unix_s() - now.monotonic_s();
     assert!(
@@ -197,7 +197,7 @@ fn all_sources_at_once() {
             .iter()
             .all(|sample| (begun_s..now.unix_s()).contains(&sample.time_s))
     );
-    // Bytes as they came, with times beside them that increase.
+    // Bytes as they arrived, with increasing times of arrival.
     let bytes = fs::read(folder.join("heading.nmea")).unwrap();
     assert_eq!(bytes, sentence.repeat(sentences));
     for name in ["imu", "heading"] {
@@ -212,7 +212,7 @@ fn all_sources_at_once() {
     assert!((5..=7).contains(&clock_rows.len()), "{clock_rows:?}");
     let project = fs::read_to_string(folder.join("project.toml")).unwrap();
     assert!(project.contains("file = \"station.csv\"") && project.contains("file = \"imu.csv\""));
-    // A folder is its project: polar observations only lack their instrument.
+    // The folder can be given as a project: only the position of the total station is missing.
     boresight(&["trajectory", folder.to_str().unwrap()]).assert_failed_with(&[
         "station.csv",
         "polar observations only",
@@ -225,8 +225,8 @@ fn all_sources_at_once() {
 }
 
 #[test]
-fn a_source_that_dies_and_returns_delays_no_other() {
-    let kept = tempfile::tempdir().unwrap();
+fn a_source_that_fails_and_returns_delays_no_other() {
+    let temp = tempfile::tempdir().unwrap();
     let line = |i: u64| format!("{i}\n");
     let (mortal, other) = (
         LineServer::new(line, Duration::from_millis(10)),
@@ -235,8 +235,8 @@ fn a_source_that_dies_and_returns_delays_no_other() {
     let text = numbers_from("mortal", &mortal.address)
         + &numbers_from("other", &other.address)
         + &numbers_from("absent", "127.0.0.1:9");
-    let field = field(kept.path(), &text);
-    let (folder, clock) = (kept.path().join("drive"), Clock::default());
+    let field = field(temp.path(), &text);
+    let (folder, clock) = (temp.path().join("drive"), Clock::default());
     let mut reopened = 0;
     record_for(8.0, &field, &folder, &clock, &mut |view| {
         mortal
@@ -268,7 +268,7 @@ fn a_source_that_dies_and_returns_delays_no_other() {
     ] {
         assert!(events.contains(expected), "{expected}: {events}");
     }
-    // Said once, not at every attempt.
+    // Logged once, not at every attempt.
     assert_eq!(events.matches("absent").count(), 1, "{events}");
     let numbers = |name: &str| -> Vec<u64> {
         let rows = rows(&folder.join(format!("{name}.csv")));
@@ -286,36 +286,36 @@ fn a_source_that_dies_and_returns_delays_no_other() {
 }
 
 #[test]
-fn a_clock_that_is_set_is_said() {
-    let kept = tempfile::tempdir().unwrap();
+fn a_step_of_the_clock_is_reported() {
+    let temp = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(50));
     let text = numbers_from("a", &sender.address);
-    let field = field(kept.path(), &text);
-    let (folder, clock) = (kept.path().join("drive"), Clock::default());
-    let mut said = Vec::new();
+    let field = field(temp.path(), &text);
+    let (folder, clock) = (temp.path().join("drive"), Clock::default());
+    let mut steps_s = Vec::new();
     let mut is_set = false;
     record_for(4.5, &field, &folder, &clock, &mut |view| {
-        said.extend(view.set_s);
+        steps_s.extend(view.set_s);
         if view.time_s > 1.5 && !is_set {
-            clock.set_by(500_000_000);
+            clock.step_by(500_000_000);
             is_set = true;
         }
     });
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!((said[0] - 0.5).abs() < 0.005, "{said:?}");
+    assert_eq!(steps_s.len(), 1, "{steps_s:?}");
+    assert!((steps_s[0] - 0.5).abs() < 0.005, "{steps_s:?}");
     let events = fs::read_to_string(folder.join("events.csv")).unwrap();
     assert!(events.contains("clock,\"set by +0.500 s\""), "{events}");
 }
 
-/// What was recorded until a second before a kill is there, in whole rows: of so many recordings.
+/// Kills `count` recordings: all data older than a second are on the disk, in complete rows.
 #[cfg(unix)]
 fn kills_lose_no_more_than_the_last_second(count: u64) {
-    let kept = tempfile::tempdir().unwrap();
+    let temp = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(5));
     let text = numbers_from("a", &sender.address);
-    let path = field(kept.path(), &text).path;
+    let path = field(temp.path(), &text).path;
     for number in 0..count {
-        let folder: PathBuf = kept.path().join(format!("drive-{number}"));
+        let folder: PathBuf = temp.path().join(format!("drive-{number}"));
         let before = sender.sent();
         let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
             .args([
@@ -335,9 +335,9 @@ fn kills_lose_no_more_than_the_last_second(count: u64) {
         child.wait().unwrap();
         let rate_hz = sent as f64 / begun.elapsed().as_secs_f64();
         let text = fs::read_to_string(folder.join("a.csv")).unwrap();
-        assert!(text.ends_with('\n'), "half a row");
-        let kept = text.lines().count() as u64 - 1;
-        let lost_s = (sent.saturating_sub(kept)) as f64 / rate_hz;
+        assert!(text.ends_with('\n'), "incomplete row");
+        let recorded = text.lines().count() as u64 - 1;
+        let lost_s = (sent.saturating_sub(recorded)) as f64 / rate_hz;
         assert!(lost_s < 1.3, "{lost_s} s lost");
     }
 }
@@ -356,11 +356,11 @@ fn three_kills_lose_no_more_than_the_last_second() {
 }
 
 #[test]
-fn a_check_says_what_does_not_send() {
-    let kept = tempfile::tempdir().unwrap();
+fn a_check_names_sources_that_do_not_send() {
+    let temp = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(5));
     let good = numbers_from("good", &sender.address);
-    let path = field(kept.path(), &good).path;
+    let path = field(temp.path(), &good).path;
     let check = || boresight(&["record", path.to_str().unwrap(), "--check", "--for", "2"]);
     let run = check();
     assert_eq!(run.code, 0, "{}", run.err);
@@ -371,8 +371,8 @@ fn a_check_says_what_does_not_send() {
 
 #[test]
 fn mistakes_in_a_field_file_are_named_with_their_lines() {
-    let kept = tempfile::tempdir().unwrap();
-    let path = kept.path().join("field.toml");
+    let temp = tempfile::tempdir().unwrap();
+    let path = temp.path().join("field.toml");
     let refused = |text: &str, line: u64, expected: &str| {
         fs::write(&path, text).unwrap();
         let error = Field::read(&path).unwrap_err().to_string();
@@ -391,7 +391,7 @@ fn mistakes_in_a_field_file_are_named_with_their_lines() {
     refused(
         "[[source]]\nname = \"a\"\nkind = \"sbg\"\n",
         2,
-        "either `port`",
+        "neither `port`",
     );
     refused(
         "[[source]]\nname = \"a\"\nkind = \"gnss\"\nport = \"x\"\n",

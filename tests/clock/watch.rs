@@ -1,4 +1,4 @@
-//! The page that shows a run while it works, asked by real clients.
+//! The page that shows a run while it works, requested by real clients.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -30,15 +30,15 @@ impl Watched {
             .spawn()
             .unwrap();
         let mut line = String::new();
-        let mut said = BufReader::new(child.stderr.take().unwrap());
-        said.read_line(&mut line).unwrap();
+        let mut stderr = BufReader::new(child.stderr.take().unwrap());
+        stderr.read_line(&mut line).unwrap();
         let address = line
             .trim()
             .strip_prefix("watch: http://127.0.0.1:")
             .unwrap();
         let port = address.trim_end_matches('/').parse().unwrap();
-        // Whatever else it says must not fill the pipe.
-        std::thread::spawn(move || io::copy(&mut said, &mut io::sink()));
+        // Further output must not fill the pipe.
+        std::thread::spawn(move || io::copy(&mut stderr, &mut io::sink()));
         Self { child, port }
     }
 
@@ -67,7 +67,7 @@ impl Watched {
 
 #[test]
 fn progress_rises_and_the_page_becomes_the_report() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let out = drive.join("watched");
     let mut watched = Watched::start(&drive, "run", &out);
     let (head, page) = watched.get("/");
@@ -127,7 +127,7 @@ fn progress_rises_and_the_page_becomes_the_report() {
     assert!(watched.child.wait().unwrap().success());
     assert!(
         loaded.elapsed() < Duration::from_secs(3),
-        "nobody is waited for"
+        "the run waits although no page is open"
     );
 
     let run = on_project(&drive, "run", &[]);
@@ -136,8 +136,8 @@ fn progress_rises_and_the_page_becomes_the_report() {
 }
 
 #[test]
-fn no_client_harms_the_work() {
-    let (_kept, drive) = simulated();
+fn no_client_delays_the_run_or_changes_its_results() {
+    let (_temp, drive) = simulated();
     let began = Instant::now();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -146,7 +146,7 @@ fn no_client_harms_the_work() {
     let out = drive.join("watched");
     let began = Instant::now();
     let mut watched = Watched::start(&drive, "run", &out);
-    // Some that never read, some that never ask, and many that are gone at once.
+    // Some clients never read, some never send a request, and many close the connection at once.
     let silent: Vec<TcpStream> = (0..20)
         .map(|i| watched.ask(&format!("/events?page={i}")))
         .collect();
@@ -155,13 +155,13 @@ fn no_client_harms_the_work() {
     for i in 0..200 {
         let stream = TcpStream::connect(("127.0.0.1", watched.port)).unwrap();
         if i % 2 == 0 {
-            // It turns away those beyond its limit.
+            // The server refuses clients beyond its limit.
             drop(watched.try_ask("/events?page=gone"));
         }
         drop(stream);
     }
     assert!(watched.child.wait().unwrap().success());
-    // Open pages have ten seconds.
+    // The run waits up to ten seconds for open pages.
     let most = 2 * alone + Duration::from_secs(15);
     assert!(
         began.elapsed() < most,
@@ -173,8 +173,8 @@ fn no_client_harms_the_work() {
 }
 
 #[test]
-fn a_calibration_is_watched_too() {
-    let (_kept, drive) = simulated();
+fn calibrate_can_be_watched_too() {
+    let (_temp, drive) = simulated();
     let mut watched = Watched::start(&drive, "calibrate", &drive.join("watched"));
     let mut events = String::new();
     watched

@@ -1,4 +1,4 @@
-//! What adjustments of simulated drives are compared with.
+//! The truth of simulated drives, and how far the results of an adjustment are from it.
 #![allow(dead_code)] // tests and examples use their parts
 
 use std::collections::BTreeMap;
@@ -17,17 +17,18 @@ use boresight::trajectory::Trajectory;
 
 use super::moving::mountings_in;
 
-/// What one method found.
-pub struct Found {
+/// The result of one method, and its errors.
+pub struct Outcome {
     pub mountings: Vec<BodyFromScanner>,
-    /// Root mean square error of the poses behind profiles with points in the field, metres.
+    /// Root mean square error of the poses of profiles with points in the field, metres.
     pub poses_m: f64,
-    /// Of points in the field, metres: what poses and mounting are off, without the scanner's noise.
+    /// Root mean square error of the points in the field, from poses and mountings without the scanner's noise, metres.
     pub points_m: f64,
-    /// Between the points of both scanners in cells of [`CELL_M`] and spans of [`PASS_S`], up, metres.
+    /// Root mean square height difference of the points of both scanners in cells of [`CELL_M`] and spans of
+    /// [`PASS_S`], metres.
     pub gap_m: f64,
-    /// Root mean square of the M3C2 distances to the reference, and by exact poses and mountings, metres;
-    /// not a number without one.
+    /// Root mean square of the M3C2 distances to the reference, for these poses and mountings and for the exact ones,
+    /// metres; NaN without a reference.
     pub distances_m: [f64; 2],
     pub seconds: f64,
 }
@@ -37,12 +38,12 @@ pub fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
     Trajectory::new(format::read_trajectory(&file)?)
 }
 
-/// A mounting among poses by time.
+/// A mounting that is stored as a pose of a trajectory.
 pub fn as_mounting(pose: &WorldFromBody) -> BodyFromScanner {
     BodyFromScanner::new(pose.rotation, pose.translation_m)
 }
 
-/// The mean of mountings near one.
+/// The mean of mountings that are all close to `near`.
 pub fn middle(
     near: &BodyFromScanner,
     mountings: impl ExactSizeIterator<Item = BodyFromScanner>,
@@ -57,7 +58,7 @@ pub fn middle(
     near.perturbed(&(turns / count), &(shifts / count))
 }
 
-/// None where they are rigid.
+/// The true mountings along a drive; empty if they are rigid.
 pub fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Trajectory>> {
     if !scenario.deformation.enabled {
         return Ok(Vec::new());
@@ -72,25 +73,25 @@ pub fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec
     poses.collect()
 }
 
-/// What results are compared with.
+/// The truth with which results are compared.
 pub struct Check<'a> {
     pub scenario: &'a Scenario,
     pub samples: &'a [ScannerSample],
     pub exact: &'a Trajectory,
     pub truth: &'a [BodyFromScanner],
-    /// True mountings along the drive where they move.
+    /// True mountings along the drive; empty if they are rigid.
     pub moving: Vec<Trajectory>,
-    /// Empty where there is none.
+    /// The reference cloud; empty if there is none.
     pub reference: &'a [Vec3],
 }
 
-/// One point of so many is compared.
+/// Every fourth point is compared.
 const EACH: usize = 4;
-/// Spots on which both scanners are compared, metres, and how long both take to see one, seconds.
+/// Side of the cells in which both scanners are compared, metres, and the time within which both see a cell, seconds.
 const CELL_M: f64 = 0.05;
 const PASS_S: f64 = 10.0;
 
-/// The mounting of a scanner at a time, moved about its mean.
+/// The mounting of a scanner at a time: its mean, moved by the bending of the frame.
 fn mounted(
     means: &[BodyFromScanner],
     bending: &[MovedMounting],
@@ -104,8 +105,8 @@ fn mounted(
 }
 
 impl Check<'_> {
-    /// The true pose of the body, and where a point in the field was.
-    fn truly(
+    /// The true pose of the body and the true position of a point; `None` for a point outside the field.
+    fn true_point(
         &self,
         scanner: usize,
         true_s: f64,
@@ -122,21 +123,21 @@ impl Check<'_> {
         within.then_some((exact, point))
     }
 
-    /// Errors of the points of which the adjustment says how well they are known, and their standard deviations.
-    pub fn known(&self, joint: &Joint, late_s: &[f64]) -> Vec<[Vec3; 2]> {
+    /// Errors of the points for which the adjustment gives standard deviations, and these, metres.
+    pub fn point_errors(&self, joint: &Joint, late_s: &[f64]) -> Vec<[Vec3; 2]> {
         let drive = &joint.drives[0];
-        let known = (0..)
+        let points = (0..)
             .zip(&drive.points)
             .flat_map(|(scanner, points)| points.iter().map(move |p| (scanner, p)));
         let mountings = joint.poses();
-        let errors = known.filter_map(|(scanner, known): (usize, _)| {
-            let stamp_s = known.time_s + late_s[scanner];
+        let errors = points.filter_map(|(scanner, point): (usize, _)| {
+            let stamp_s = point.time_s + late_s[scanner];
             let true_s = stamp_s - self.scenario.scanners[scanner].latency_s;
-            let (_, truth) = self.truly(scanner, true_s, &known.in_scanner_m)?;
-            let pose = drive.trajectory.pose_at(known.time_s)?;
-            let mounting = mounted(&mountings, &drive.bending, scanner, known.time_s);
-            let found = pose.map(&mounting.map(&known.in_scanner_m));
-            Some([found - truth, known.sigma_m])
+            let (_, truth) = self.true_point(scanner, true_s, &point.in_scanner_m)?;
+            let pose = drive.trajectory.pose_at(point.time_s)?;
+            let mounting = mounted(&mountings, &drive.bending, scanner, point.time_s);
+            let adjusted = pose.map(&mounting.map(&point.in_scanner_m));
+            Some([adjusted - truth, point.sigma_m])
         });
         errors.collect()
     }
@@ -149,18 +150,19 @@ impl Check<'_> {
         let settings = ComparisonSettings::default();
         let core = core_points(self.reference, &settings);
         let normals = Normals::UPWARDS;
-        let found = m3c2(self.reference, points, &core, normals, &settings, &Silent);
-        let statistics = found.and_then(|found| Statistics::of(&found));
+        let distances = m3c2(self.reference, points, &core, normals, &settings, &Silent);
+        let statistics = distances.and_then(|distances| Statistics::of(&distances));
         statistics.map_or(f64::NAN, |statistics| statistics.rmse_m)
     }
 
-    pub fn found(
+    /// Assesses mountings and poses; `late_s` are the delays of the scanners.
+    pub fn outcome(
         &self,
         mountings: Vec<BodyFromScanner>,
         poses: &Trajectory,
         (late_s, bending): (&[f64], &[MovedMounting]),
         seconds: f64,
-    ) -> Found {
+    ) -> Outcome {
         let (mut pose_sum, mut pose_count) = (0.0, 0.0);
         let (mut point_sum, mut point_count) = (0.0, 0.0);
         let mut cells = BTreeMap::new();
@@ -173,7 +175,8 @@ impl Check<'_> {
                 let Some(pose) = poses.pose_at(stamp_s - late_s[scanner]) else {
                     continue;
                 };
-                let Some((exact, truth)) = self.truly(scanner, true_s, &point.position_m) else {
+                let Some((exact, truth)) = self.true_point(scanner, true_s, &point.position_m)
+                else {
                     continue;
                 };
                 let mounting = mounted(&mountings, bending, scanner, true_s);
@@ -185,8 +188,8 @@ impl Check<'_> {
                 point_count += 1.0;
                 let [east, north] = [truth.x, truth.y].map(|x| (x / CELL_M).floor() as i64);
                 let cell = (east, north, (stamp_s / PASS_S).floor() as i64);
-                let seen: &mut [[f64; 2]; 2] = cells.entry(cell).or_default();
-                if let Some([sum, count]) = seen.get_mut(scanner) {
+                let sums: &mut [[f64; 2]; 2] = cells.entry(cell).or_default();
+                if let Some([sum, count]) = sums.get_mut(scanner) {
                     *sum += error.z;
                     *count += 1.0;
                 }
@@ -197,11 +200,11 @@ impl Check<'_> {
                 }
             }
         }
-        let of_both = cells
+        let shared = cells
             .values()
-            .filter(|seen| seen.iter().all(|s| s[1] > 0.0));
-        let gaps = of_both.map(|[left, right]| left[0] / left[1] - right[0] / right[1]);
-        Found {
+            .filter(|sums| sums.iter().all(|s| s[1] > 0.0));
+        let gaps = shared.map(|[left, right]| left[0] / left[1] - right[0] / right[1]);
+        Outcome {
             mountings,
             gap_m: rms(gaps),
             distances_m: [&placed, &truly_placed].map(|points| self.distance_m(points)),

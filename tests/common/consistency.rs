@@ -1,5 +1,5 @@
-//! Simulated drives with settings that know their sensors, and errors beside their covariances:
-//! of tests and examples.
+//! Simulated drives with settings that match their sensors, and pose errors compared with their
+//! covariances; shared by tests and examples.
 #![allow(dead_code)] // tests and examples use their parts
 
 use boresight::Result;
@@ -12,7 +12,7 @@ use boresight::trajectory::{Estimate, MotionLogs, PoseGradient, estimate};
 use boresight::trajectory::{HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings};
 use nalgebra::DVector;
 
-/// Settings that know the sensors of a scenario.
+/// Settings that match the sensors of a scenario.
 pub fn settings_of(scenario: &Scenario) -> TrajectorySettings {
     let noise = &scenario.imu;
     let root = noise.bias_time_s.sqrt();
@@ -32,7 +32,7 @@ pub fn settings_of(scenario: &Scenario) -> TrajectorySettings {
     settings
 }
 
-/// What `estimate` takes.
+/// The input of `estimate`.
 #[derive(Clone)]
 pub struct Logs {
     pub imu: Vec<ImuSample>,
@@ -62,7 +62,7 @@ impl Logs {
 /// True position and attitude of the body.
 pub type Truth = (Vec3, Rotation);
 
-/// The logs of a drive of the simulated robot with settings that know its sensors, and the truth at
+/// The logs of a drive of the simulated robot with settings that match its sensors, and the truth at
 /// the nodes.
 pub fn twin(scenario: &Scenario, drive: &Drive, index: usize) -> (Logs, Vec<Truth>) {
     let imu = simulate_imu(scenario, drive, index);
@@ -92,14 +92,14 @@ pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
     (sum / f64::from(count)).sqrt()
 }
 
-/// Errors of many poses, and how many standard deviations they are.
+/// Errors of many poses, also in units of their standard deviations.
 #[derive(Default)]
 pub struct PoseErrors {
     /// Metres.
     pub shift: Vec<Vec3>,
     /// Radians.
     pub turn: Vec<Vec3>,
-    /// East, north, up, then about them.
+    /// In standard deviations: east, north, up, then the rotations about these axes.
     pub sigmas: Vec<[f64; 6]>,
 }
 
@@ -143,31 +143,31 @@ impl PoseErrors {
 pub const EPOCHS: usize = 20;
 
 /// [`squares`] at epochs spread over a drive.
-pub fn squares_at_epochs(found: &Estimate, truth: &[Truth]) -> Option<[[f64; 3]; EPOCHS]> {
-    let nodes = found.trajectory.poses().len();
+pub fn squares_at_epochs(estimate: &Estimate, truth: &[Truth]) -> Option<[[f64; 3]; EPOCHS]> {
+    let nodes = estimate.trajectory.poses().len();
     let mut all = [[0.0; 3]; EPOCHS];
-    for (epoch, of_epoch) in all.iter_mut().enumerate() {
-        let node = (2 * epoch + 1) * nodes / (2 * EPOCHS);
-        *of_epoch = squares(found, &truth[node], node)?;
+    for (number, epoch) in all.iter_mut().enumerate() {
+        let node = (2 * number + 1) * nodes / (2 * EPOCHS);
+        *epoch = squares(estimate, &truth[node], node)?;
     }
     Some(all)
 }
 
-/// Bounds between which the mean of `draws` squares with as many `degrees` of freedom each lies, by
-/// the normal quantile `z` of either (Wilson and Hilferty 1931).
+/// Bounds of the mean of `draws` χ² variables with `degrees` of freedom each, at the normal quantile
+/// `z` on either side (Wilson and Hilferty 1931).
 pub fn band(degrees: f64, draws: f64, z: f64) -> [f64; 2] {
     let all = degrees * draws;
     let spread = 2.0 / (9.0 * all);
     [-z, z].map(|z| degrees * (1.0 - spread + z * spread.sqrt()).powi(3))
 }
 
-/// eᵀ Σ⁻¹ e of position, tilt and yaw of a node; `None` where a covariance is not positive.
-fn squares(found: &Estimate, truth: &Truth, node: usize) -> Option<[f64; 3]> {
-    let pose = found.trajectory.poses()[node].world_from_body;
+/// eᵀ Σ⁻¹ e of position, tilt and yaw of a node; `None` if a covariance is not positive definite.
+fn squares(estimate: &Estimate, truth: &Truth, node: usize) -> Option<[f64; 3]> {
+    let pose = estimate.trajectory.poses()[node].world_from_body;
     let (shift, turn) = error(&pose, truth);
     // δp in the world; the rotation about the world's axes is world_from_body δφ.
     let r = pose.rotation.to_rotation_matrix();
-    let mut gradient = PoseGradient::new(6, found.covariance.nodes());
+    let mut gradient = PoseGradient::new(6, estimate.covariance.nodes());
     let block = gradient.block_mut(node);
     for axis in 0..3 {
         block[axis * 6 + 3 + axis] = 1.0;
@@ -175,7 +175,7 @@ fn squares(found: &Estimate, truth: &Truth, node: usize) -> Option<[f64; 3]> {
             block[(3 + axis) * 6 + column] = r[(axis, column)];
         }
     }
-    let covariance = found.covariance.of_functional(&gradient);
+    let covariance = estimate.covariance.of_functional(&gradient);
     let error = DVector::from_vec(vec![shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]);
     let square = |from: usize, count: usize| {
         let e = error.rows(from, count).into_owned();

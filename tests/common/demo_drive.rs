@@ -1,4 +1,4 @@
-//! A drive of the demo, simulated and read, with known truth, and its calibration: of tests and
+//! A drive of the demo, simulated and read, with known truth, and its calibration; shared by tests and
 //! examples.
 
 use std::path::Path;
@@ -16,8 +16,8 @@ use boresight::{Result, format};
 pub struct DemoDrive {
     pub project: Project,
     pub reference: Vec<Vec3>,
-    /// Poses from the drive's own logs.
-    pub own: EstimatedPoses,
+    /// Poses estimated from the logs of the drive.
+    pub estimated: EstimatedPoses,
     pub exact: EstimatedPoses,
     /// True mountings.
     pub truth: Vec<BodyFromScanner>,
@@ -33,7 +33,7 @@ impl DemoDrive {
         let exact = Trajectory::new(format::read_trajectory(&truth)?)?;
         Ok(Self {
             reference: stages::reference(&project, &Silent)?,
-            own: stages::poses(&project, &Silent)?,
+            estimated: stages::poses(&project, &Silent)?,
             exact: EstimatedPoses::from_file(exact),
             truth: scenario.true_mountings(),
             project,
@@ -41,8 +41,8 @@ impl DemoDrive {
     }
 
     /// Errors of tx ty tz (m) and α β γ (degrees, `bonn`) of a scanner.
-    pub fn errors(&self, found: &Calibration, scanner: usize) -> [f64; 6] {
-        let pose = &found.mountings[scanner].body_from_scanner;
+    pub fn errors(&self, calibration: &Calibration, scanner: usize) -> [f64; 6] {
+        let pose = &calibration.mountings[scanner].body_from_scanner;
         let truth = &self.truth[scanner];
         let shift = pose.translation_m - truth.translation_m;
         let angles =
@@ -53,7 +53,7 @@ impl DemoDrive {
     }
 }
 
-/// The mountings by the poses and profiles of a project, under other settings than its own.
+/// The mountings from poses and the profiles of a project, under other settings than those of the project.
 pub fn calibrate(
     project: &Project,
     settings: &CalibrationSettings,

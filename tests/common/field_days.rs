@@ -1,5 +1,5 @@
-//! Days of a simulated campaign: a short drive over cloddy soil each, with its own ground, motion and noise, poses
-//! from IMU, heading and positions as good as those of RTK; and the truth.
+//! Days of a simulated campaign, with their truth: each is a short drive over cloddy soil, with different ground,
+//! motion and noise, and poses from IMU, heading and positions of RTK quality.
 #![allow(dead_code)] // tests and examples use their parts
 
 use std::path::Path;
@@ -14,23 +14,23 @@ use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
 
-/// What knocks the right scanner: metres and degrees along and about the axes of the body.
+/// A knock of the right scanner: metres and degrees along and about the axes of the body.
 #[derive(Debug, Clone, Copy)]
 pub struct Knock {
     pub shift_m: [f64; 3],
     pub turn_deg: [f64; 3],
 }
 
-/// The mounting in use is so far from the true one from the beginning: what a calibration leaves.
-const LEFT: ([f64; 3], [f64; 3]) = ([2e-4, -3e-4, 2e-4], [2e-4, -1e-4, 2e-4]);
+/// Initial error of the mounting in use, as a calibration leaves it: metres and radians.
+const CALIBRATION_ERROR: ([f64; 3], [f64; 3]) = ([2e-4, -3e-4, 2e-4], [2e-4, -1e-4, 2e-4]);
 
-/// Positions are so good, metres, and so many a second.
+/// Standard deviation of positions, metres, and their rate, Hz.
 const RTK: (f64, f64) = (0.012, 5.0);
 
 /// One day.
 pub struct FieldDay {
     pub project: Project,
-    /// How far the right scanner truly sits off the mounting in use, in the frame of the left one: metres, radians.
+    /// True offset of the right scanner from the mounting in use, in the frame of the left one: metres, radians.
     pub truth: [f64; 6],
 }
 
@@ -50,12 +50,12 @@ pub fn scenario(seed: u64, day: u64, passes: usize) -> Scenario {
 }
 
 impl FieldDay {
-    /// Simulates a day into a folder, after a knock or before.
+    /// Simulates a day into a folder, after a knock if there is one.
     pub fn new(mut scenario: Scenario, knock: Option<&Knock>, folder: &Path) -> Result<Self> {
         let convention = EulerConvention::Bonn;
         let in_use = {
             let mut mountings = scenario.true_mountings();
-            let [shift, turn] = [LEFT.0, LEFT.1].map(Vec3::from);
+            let [shift, turn] = [CALIBRATION_ERROR.0, CALIBRATION_ERROR.1].map(Vec3::from);
             mountings[1] = mountings[1].perturbed(&turn, &shift);
             mountings
         };
@@ -84,14 +84,14 @@ pub fn right_in_left(mountings: &[BodyFromScanner]) -> ScannerFromScanner {
     relative(&mountings[0], &mountings[1])
 }
 
-/// From one to the other: metres and radians along and about the axes of the left scanner.
+/// Difference of two mountings: metres and radians along and about the axes of the left scanner.
 pub fn offset(from: &ScannerFromScanner, to: &ScannerFromScanner) -> [f64; 6] {
     let shift = to.translation_m - from.translation_m;
     let turn = so3::log(&(to.rotation * from.rotation.inverse()));
     [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
 }
 
-/// A date in May and June.
+/// The date of a day, from 1 May 2025 on.
 pub fn date(day: u64) -> String {
     match day {
         1..=31 => format!("2025-05-{day:02}"),

@@ -7,7 +7,7 @@ use boresight::record::geocom::simulated::{Fault, Simulated, SimulatedSettings, 
 use boresight::record::geocom::{Class, Event, Instrument, Measurement, Modes, TrackingSettings};
 use boresight::{Error, Result};
 
-/// Drives east with half a metre per second, 20 m away.
+/// The prism drives east at half a metre per second, 20 m away.
 pub fn target(time_s: f64) -> [f64; 3] {
     [2.0 + 0.5 * time_s, 20.0, 1.0]
 }
@@ -22,7 +22,7 @@ fn hz_rad(time_s: f64) -> f64 {
     e.atan2(n)
 }
 
-/// Modes that a user left, none of them those of tracking.
+/// The user's modes before tracking, all different from those of tracking.
 pub const USERS: Modes = Modes {
     decimals: Some(4),
     edm_mode: Some(3),
@@ -35,8 +35,8 @@ pub struct Run {
     pub measurements: Vec<Measurement<f64>>,
     pub notes: Vec<String>,
     pub lost: usize,
-    pub found: usize,
-    pub broken: usize,
+    pub relocked: usize,
+    pub broken_links: usize,
     pub counters: boresight::record::geocom::Counters,
     pub given: u64,
     pub seconds: f64,
@@ -44,13 +44,13 @@ pub struct Run {
 
 impl Run {
     pub fn distances(&self) -> usize {
-        let has_distance = |found: &&Measurement<f64>| found.distance_m.is_some();
+        let has_distance = |m: &&Measurement<f64>| m.distance_m.is_some();
         self.measurements.iter().filter(has_distance).count()
     }
 
     pub fn angles_only(&self) -> usize {
-        let class = |found: &&Measurement<f64>| found.class == Class::AnglesOnly;
-        self.measurements.iter().filter(class).count()
+        let has_angles_only = |m: &&Measurement<f64>| m.class == Class::AnglesOnly;
+        self.measurements.iter().filter(has_angles_only).count()
     }
 
     /// Distances after a time, s.
@@ -91,8 +91,8 @@ fn open(instrument: &TcpInstrument) -> io::Result<TcpStream> {
     Ok(link)
 }
 
-/// Tracks for some seconds of the instrument's time, reconnecting where the link ends; checks
-/// that no value is invented, and that the user's modes are there again at the end.
+/// Tracks for some seconds of the instrument's time, reconnecting when the link ends; checks each
+/// measurement against the prism's path, and that the user's modes are restored at the end.
 pub fn track(
     seconds: f64,
     faults: Vec<Fault>,
@@ -117,37 +117,37 @@ pub fn track(
         measurements: vec![],
         notes: vec![],
         lost: 0,
-        found: 0,
-        broken: 0,
+        relocked: 0,
+        broken_links: 0,
         counters: instrument.counters(),
         given: 0,
         seconds: 0.0,
     };
-    let mut began: Result<()> = instrument.start();
+    let mut start_result: Result<()> = instrument.start();
     let began_s = now();
     while now() < seconds {
-        let event = match began {
+        let event = match start_result {
             Ok(()) => instrument.next_event(),
             Err(error) => Err(error),
         };
-        began = Ok(());
+        start_result = Ok(());
         match event {
-            Ok(Event::Measured(found)) => {
+            Ok(Event::Measured(measurement)) => {
                 check(
-                    &found,
+                    &measurement,
                     is_following && !is_synchronous,
-                    run.lost == run.found,
+                    run.lost == run.relocked,
                 );
-                run.measurements.push(found);
+                run.measurements.push(measurement);
             }
             Ok(Event::Lost) => run.lost += 1,
-            Ok(Event::Found) => run.found += 1,
+            Ok(Event::Found) => run.relocked += 1,
             Ok(Event::Note(note)) => run.notes.push(note),
             Err(error @ Error::Io { .. }) => {
                 assert!(error.to_string().starts_with(&port), "{error}");
-                run.broken += 1;
+                run.broken_links += 1;
                 std::thread::sleep(Duration::from_millis(50));
-                began = open(&server)
+                start_result = open(&server)
                     .map_err(|source| Error::io(&port, source))
                     .and_then(|link| instrument.reconnect(link));
             }
@@ -170,36 +170,42 @@ pub fn track(
     run
 }
 
-/// Stamps of the instrument are whole milliseconds, in which the prism moves 0.5 mm.
+/// Half of the prism's motion in a millisecond, to which the instrument rounds its times, and some rounding.
 const STAMP_M: f64 = 3e-4;
 
-fn check(found: &Measurement<f64>, is_following: bool, is_locked: bool) {
+fn check(measurement: &Measurement<f64>, is_following: bool, is_locked: bool) {
     let (from_s, to_s) = (
-        found.arrived - found.round_trip.as_secs_f64(),
-        found.arrived,
+        measurement.arrived - measurement.round_trip.as_secs_f64(),
+        measurement.arrived,
     );
-    if let Some(distance) = found.distance_m {
-        let time_s = found.instrument_time_s.unwrap_or(to_s - 0.15);
-        let tolerance_m = if found.instrument_time_s.is_some() {
+    if let Some(distance) = measurement.distance_m {
+        let time_s = measurement.instrument_time_s.unwrap_or(to_s - 0.15);
+        let tolerance_m = if measurement.instrument_time_s.is_some() {
             STAMP_M
         } else {
             0.2
         };
         assert!(
             (distance - distance_m(time_s)).abs() < tolerance_m,
-            "{found:?}"
+            "{measurement:?}"
         );
-        assert!(time_s < to_s + 1e-3 && time_s > from_s - 0.5, "{found:?}");
-        assert_eq!(found.class, Class::Full);
+        assert!(
+            time_s < to_s + 1e-3 && time_s > from_s - 0.5,
+            "{measurement:?}"
+        );
+        assert_eq!(measurement.class, Class::Full);
     }
-    if let (Some(angles), true, true) = (found.angles, is_following, is_locked) {
+    if let (Some(angles), true, true) = (measurement.angles, is_following, is_locked) {
         // While the prism is hidden the telescope stands still.
-        let first = if found.distance_m.is_some() {
+        let first = if measurement.distance_m.is_some() {
             from_s
         } else {
             from_s - 2.5
         };
         let range = hz_rad(first) - 1e-4..hz_rad(to_s) + 1e-4;
-        assert!(range.contains(&angles.hz_rad), "{found:?} not in {range:?}");
+        assert!(
+            range.contains(&angles.hz_rad),
+            "{measurement:?} not in {range:?}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! A simulated drive adjusted in two steps and in one piece, beside its truth: of tests and examples.
+//! A simulated drive with its truth, adjusted in two steps and jointly; shared by tests and examples.
 #![allow(dead_code)] // tests and examples use their parts
 
 use std::path::Path;
@@ -14,34 +14,33 @@ use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
 
-pub use super::against_truth::Found;
+pub use super::against_truth::Outcome;
 use super::against_truth::{Check, as_mounting, middle, true_mountings, true_poses};
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;
 
-/// What is simulated and how it is adjusted.
+/// A scenario, and how its drives are adjusted.
 pub struct Setup {
     pub scenario: Scenario,
-    /// What the project says other than the simulator has written.
+    /// Changes to the project that the simulator has written.
     pub project: Box<dyn Fn(&mut Project)>,
     /// Shift (metres) and rotation vector (radians) of the reference's points about their mean;
-    /// `None`: it is not used.
+    /// `None` if the reference is not used.
     pub reference: Option<(Vec3, Vec3)>,
     pub joint: JointSettings,
-    /// Drives that are adjusted together; what is compared with the truth is the first.
+    /// Number of drives that are adjusted together; the first is compared with the truth.
     pub drives: usize,
-    /// Keeps only scans of every second span of so many seconds, the even ones or the odd ones.
+    /// Keeps only the scans of every second span of this many seconds: the even spans if true, else the odd ones.
     pub keep: Option<(f64, bool)>,
-    /// Whether the next drive is adjusted by the mountings found, without the reference.
+    /// Whether the next drive is then adjusted with the adjusted mountings, without the reference.
     pub evaluate: bool,
-    /// Standard deviations (metres, radians) of mountings that are known, without the reference: they start at
-    /// the truth, at rest.
+    /// Standard deviations (metres, radians) of known mountings, which are the true ones; the reference is not used.
     pub known: Option<[f64; 2]>,
 }
 
 impl Setup {
-    /// A scenario with its reference, which is taken to be free of common errors.
+    /// A scenario with its reference, which is assumed to be free of shift and tilt.
     pub fn new(scenario: Scenario) -> Self {
         let mut joint = JointSettings::default();
         (joint.reference.shift_m, joint.reference.tilt_rad) = (0.0, 0.0);
@@ -58,19 +57,20 @@ impl Setup {
     }
 }
 
-/// A drive and what both methods found.
+/// The results of both methods for a drive.
 pub struct Run {
-    /// Where mountings move, their means.
+    /// True mountings; their means if they move.
     pub truth: Vec<BodyFromScanner>,
-    pub two_steps: Found,
-    pub one_piece: Found,
+    pub two_steps: Outcome,
+    pub one_piece: Outcome,
     pub joint: Joint,
     /// Errors of points of the joint adjustment and their standard deviations, world, metres.
     pub points: Vec<[Vec3; 2]>,
-    /// What contradicts the joint adjustment.
+    /// Reasons why the joint adjustment is refused.
     pub refused: Vec<String>,
-    /// Another drive with its own poses and the mountings of both methods, and adjusted.
-    pub evaluation: Option<[Found; 3]>,
+    /// Another drive: with the poses of its logs and the mountings of two steps, of the joint adjustment, and adjusted
+    /// itself.
+    pub evaluation: Option<[Outcome; 3]>,
 }
 
 impl Run {
@@ -137,7 +137,7 @@ impl Run {
             moving: true_mountings(&scenario, &files.drives[0])?,
             reference: &reference,
         };
-        let two_steps = check.found(
+        let two_steps = check.outcome(
             start.clone(),
             poses.trajectory(),
             (&[0.0; 2], &[]),
@@ -150,20 +150,20 @@ impl Run {
             .collect();
         let adjusted = &joint.drives[0];
         let moved = (late_s.as_slice(), adjusted.bending.as_slice());
-        let mut one_piece = check.found(joint.poses(), &adjusted.trajectory, moved, seconds);
-        let points = check.known(&joint, &late_s);
+        let mut one_piece = check.outcome(joint.poses(), &adjusted.trajectory, moved, seconds);
+        let points = check.point_errors(&joint, &late_s);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
-            let own = stages::aligned(&project, Project::read(&other.project)?)?;
-            let mut own = stages::with_mountings(&own, &start);
-            for (scanner, compliance) in own.scanners.iter_mut().zip(&joint.compliance) {
+            let other_project = stages::aligned(&project, Project::read(&other.project)?)?;
+            let mut other_project = stages::with_mountings(&other_project, &start);
+            for (scanner, compliance) in other_project.scanners.iter_mut().zip(&joint.compliance) {
                 scanner.compliance = Some(*compliance);
             }
-            let poses = stages::poses(&own, &Silent)?;
-            let samples = stages::samples(&own, poses.trajectory(), &Silent)?;
+            let poses = stages::poses(&other_project, &Silent)?;
+            let samples = stages::samples(&other_project, poses.trajectory(), &Silent)?;
             let drive = Drive {
                 name: "evaluation",
-                project: &own,
+                project: &other_project,
                 poses: &poses,
                 samples: &samples,
             };
@@ -177,27 +177,28 @@ impl Run {
                 moving: true_mountings(&scenario, other)?,
                 reference: &[],
             };
-            let still = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
-            let by_load = clouds::bending(&own, poses.trajectory()).into_iter();
+            let adjusted_bending = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
+            let by_load = clouds::bending(&other_project, poses.trajectory()).into_iter();
             let by_load = by_load.map(|offsets| MovedMounting {
                 sigmas: offsets.clone(),
                 offsets,
             });
             let by_load: Vec<MovedMounting> = by_load.collect();
-            let on_own_poses = (&[0.0; 2][..], &by_load[..]);
+            let bending_by_load = (&[0.0; 2][..], &by_load[..]);
+            let trajectory = &adjusted.drives[0].trajectory;
             Ok::<_, Error>([
-                check.found(start, poses.trajectory(), (&[0.0; 2], &[]), 0.0),
-                check.found(joint.poses(), poses.trajectory(), on_own_poses, 0.0),
-                check.found(adjusted.poses(), &adjusted.drives[0].trajectory, still, 0.0),
+                check.outcome(start, poses.trajectory(), (&[0.0; 2], &[]), 0.0),
+                check.outcome(joint.poses(), poses.trajectory(), bending_by_load, 0.0),
+                check.outcome(adjusted.poses(), trajectory, adjusted_bending, 0.0),
             ])
         });
         let evaluation = evaluation.transpose()?;
         let moving = &check.moving;
         let mut truth = truth.clone();
-        // The true motion covers a part of the drive: means over that part.
+        // The true motion covers only a part of the drive: compare means over that part.
         for (scanner, moving) in moving.iter().enumerate() {
-            let (records, found) = (moving.poses().iter(), &mut one_piece.mountings[scanner]);
-            let mean = *found;
+            let (records, mounting) = (moving.poses().iter(), &mut one_piece.mountings[scanner]);
+            let mean = *mounting;
             truth[scanner] = middle(
                 &truth[scanner],
                 records
@@ -206,7 +207,7 @@ impl Run {
             );
             if let Some(moved) = joint.drives[0].bending.get(scanner) {
                 let now = records.map(|pose| moved.offsets.apply(&mean, pose.time_s));
-                *found = middle(&mean, now);
+                *mounting = middle(&mean, now);
             }
         }
         Ok(Self {
@@ -222,15 +223,15 @@ impl Run {
 
     /// Errors (δp, δφ) of all mountings in body axes, metres and radians, of both methods.
     pub fn errors(&self) -> [DVector<f64>; 2] {
-        [&self.two_steps, &self.one_piece].map(|found| errors(&found.mountings, &self.truth))
+        [&self.two_steps, &self.one_piece].map(|outcome| errors(&outcome.mountings, &self.truth))
     }
 
-    /// Standard deviations of what the joint adjustment found.
+    /// Standard deviations of the mountings of the joint adjustment.
     pub fn sigmas(&self) -> DVector<f64> {
         self.joint.covariance.diagonal().map(f64::sqrt)
     }
 
-    /// eᵀ C⁻¹ e of all errors of the joint adjustment.
+    /// eᵀ C⁻¹ e of all errors of the mountings of the joint adjustment.
     pub fn chi_square(&self) -> Option<f64> {
         let [_, error] = self.errors();
         let factor = self.joint.covariance.clone().cholesky()?;
@@ -250,7 +251,7 @@ impl Run {
         covariance.diagonal().map(f64::sqrt)
     }
 
-    /// Of the second scanner's pose in the first one's frame: t = R₁ᵀ (t₂ − t₁), R = R₁ᵀ R₂.
+    /// Jacobian of the second scanner's pose in the first one's frame: t = R₁ᵀ (t₂ − t₁), R = R₁ᵀ R₂.
     fn relative_jacobian(&self) -> DMatrix<f64> {
         let arm = so3::hat(&(self.truth[1].translation_m - self.truth[0].translation_m));
         let back = self.truth[0].rotation.inverse().to_rotation_matrix();
@@ -268,7 +269,7 @@ impl Run {
     }
 }
 
-/// What the adjustment started from and what it found.
+/// Start and result of the adjustment.
 struct Adjusted {
     start: Vec<BodyFromScanner>,
     two_seconds: f64,
@@ -280,13 +281,13 @@ struct Adjusted {
 fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Result<Adjusted> {
     let (project, poses, samples) = (drive.project, drive.poses, drive.samples);
     let settings = &project.calibration;
-    let found = stages::calibration(project, settings, poses, samples, reference, &Silent)?;
+    let calibration = stages::calibration(project, settings, poses, samples, reference, &Silent)?;
     let two_seconds = begun.elapsed().as_secs_f64();
-    let report = report(drive, &found, reference, &Silent)?;
+    let report = report(drive, &calibration, reference, &Silent)?;
     let refused = report.refused;
-    let joint = report.found;
+    let joint = report.result;
     Ok(Adjusted {
-        start: found.poses(),
+        start: calibration.poses(),
         two_seconds,
         joint: joint.ok_or_else(|| Error::data(refused.join("; "), "see the case"))?,
         refused,
@@ -294,7 +295,7 @@ fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Resu
     })
 }
 
-/// By the mountings of the project, with these standard deviations, metres and radians.
+/// Adjusts with the known mountings of the project, of these standard deviations, metres and radians.
 fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Result<Adjusted> {
     let mountings = stages::mountings(drive.project);
     let sigma = |i: usize| if i % SIX < 3 { shift_m } else { turn_rad };
@@ -311,12 +312,12 @@ fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Resul
     })
 }
 
-fn errors(found: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
-    let of_each = found.iter().zip(truth).flat_map(|(found, truth)| {
-        let (turn, shift) = found.perturbation_from(truth);
+fn errors(mountings: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
+    let errors = mountings.iter().zip(truth).flat_map(|(mounting, truth)| {
+        let (turn, shift) = mounting.perturbation_from(truth);
         [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
     });
-    DVector::from_iterator(SIX * truth.len(), of_each)
+    DVector::from_iterator(SIX * truth.len(), errors)
 }
 
 fn moved(mut points: Vec<Vec3>, shift_m: &Vec3, turn: &Vec3) -> Vec<Vec3> {

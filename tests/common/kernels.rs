@@ -1,10 +1,10 @@
-//! What the tests of the kernels share.
+//! Helpers shared by the tests of the kernels.
 
 use std::path::Path;
 
 use boresight::geometry::{Mat3, Vec3};
 
-/// Σ (x − x̄)(x − x̄)ᵀ / n, as it is written.
+/// Σ (x − x̄)(x − x̄)ᵀ / n, computed literally.
 pub fn naive_covariance(points: &[Vec3]) -> Mat3 {
     let n = points.len() as f64;
     let mean = points.iter().sum::<Vec3>() / n;

@@ -1,4 +1,4 @@
-//! What several integration tests need.
+//! Helpers shared by several integration tests.
 
 pub mod against_truth;
 pub mod consistency;
@@ -27,14 +27,14 @@ pub fn data(name: &str) -> PathBuf {
 }
 
 /// A file or folder of the data outside the repository, which lie in the folder that `BORESIGHT_DATA` names, or in
-/// `shared/data` beside the checkout. Where that folder is not there the test is skipped, which this says; where it
-/// is, what is missing in it is a failure.
+/// `shared/data` beside the checkout. `None`, with a message, if there is no such folder: the test is then skipped.
+/// If the folder exists and the file is missing in it, the test fails.
 pub fn external_data(name: &str) -> Option<PathBuf> {
     let named = std::env::var_os("BORESIGHT_DATA").filter(|folder| !folder.is_empty());
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
     let folder = named.clone().map_or_else(beside, PathBuf::from);
     if named.is_none() && !folder.is_dir() {
-        // Not by a macro, whose lines are kept for tests that fail.
+        // Not with `println`, whose output is shown only for tests that fail.
         let _ = writeln!(std::io::stderr(), "skipped: no {}", folder.display());
         return None;
     }
@@ -43,9 +43,9 @@ pub fn external_data(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// All files below a folder by their paths from there, with their bytes.
+/// The bytes of all files below a folder, by their relative paths.
 pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
+    let mut files = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(next) = folders.pop() {
         for entry in std::fs::read_dir(next).unwrap() {
@@ -54,14 +54,14 @@ pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
                 folders.push(path);
             } else {
                 let name = path.strip_prefix(folder).unwrap().to_owned();
-                found.insert(name, std::fs::read(path).unwrap());
+                files.insert(name, std::fs::read(path).unwrap());
             }
         }
     }
-    found
+    files
 }
 
-/// Writes such files below a folder.
+/// Writes files below a folder, by their relative paths.
 pub fn write_files(files: &BTreeMap<PathBuf, Vec<u8>>, folder: &Path) {
     for (name, bytes) in files {
         let path = folder.join(name);
@@ -70,7 +70,7 @@ pub fn write_files(files: &BTreeMap<PathBuf, Vec<u8>>, folder: &Path) {
     }
 }
 
-/// The folders of sources: that of the package, then those of its crates.
+/// The source folders: that of the package, then those of its crates.
 pub fn source_folders() -> Vec<PathBuf> {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));
     let crates = std::fs::read_dir(package.join("crates")).unwrap();
@@ -78,7 +78,7 @@ pub fn source_folders() -> Vec<PathBuf> {
     std::iter::once(package.join("src")).chain(crates).collect()
 }
 
-/// The names of all that is in a folder, in order.
+/// The names of all entries of a folder, sorted.
 pub fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap();
     let mut names: Vec<_> = entries
@@ -88,7 +88,7 @@ pub fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// One board, two passes, ten coarse profiles a second.
+/// One board, two passes, ten coarse profiles per second.
 pub const TINY_SCENARIO: &str = r#"
 name = "tiny"
 boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
@@ -106,25 +106,25 @@ soil_spacing_m = 0.03
 rest_s = 3.0
 "#;
 
-/// How a run of the binary ended.
+/// Exit code and output of a run of the binary.
 pub struct Run {
-    /// Exit code, −1 where a signal ended it.
+    /// Exit code; −1 if a signal ended the run.
     pub code: i32,
-    /// What it wrote to stdout.
+    /// Its standard output.
     pub out: String,
-    /// What it wrote to stderr.
+    /// Its standard error.
     pub err: String,
 }
 
 impl Run {
-    /// It failed without a panic, and says every one of `expected`.
+    /// Asserts that the run failed without a panic, with a message that contains every one of `expected`.
     pub fn assert_failed_with(&self, expected: &[&str]) {
         assert_eq!(self.code, 1, "{}", self.err);
         assert!(!self.err.contains("panicked"), "{}", self.err);
         for expected in expected {
             assert!(
                 self.err.contains(expected),
-                "should hold: {expected}\n{}",
+                "should contain: {expected}\n{}",
                 self.err
             );
         }
@@ -151,23 +151,23 @@ pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
 }
 
 /// The folder of the drive of [`TINY_SCENARIO`], with a space in its path and one coarse scale, and
-/// what keeps it.
+/// the temporary folder that contains it.
 pub fn simulated() -> (tempfile::TempDir, PathBuf) {
-    // The files, not their folder: nobody would remove that.
+    // Holds the files rather than a folder, which a static would never remove.
     static FILES: LazyLock<BTreeMap<PathBuf, Vec<u8>>> = LazyLock::new(simulate_tiny);
-    let kept = tempfile::tempdir().unwrap();
-    let field = kept.path().join("test field");
+    let temp = tempfile::tempdir().unwrap();
+    let field = temp.path().join("test field");
     write_files(&FILES, &field);
     let drive = field.join("drive-1");
-    (kept, drive)
+    (temp, drive)
 }
 
 /// The files of the field of [`simulated`].
 fn simulate_tiny() -> BTreeMap<PathBuf, Vec<u8>> {
-    let kept = tempfile::tempdir().unwrap();
-    let scenario = kept.path().join("tiny.toml");
+    let temp = tempfile::tempdir().unwrap();
+    let scenario = temp.path().join("tiny.toml");
     std::fs::write(&scenario, TINY_SCENARIO).unwrap();
-    let out = kept.path().join("test field");
+    let out = temp.path().join("test field");
     let run = boresight(&[
         "simulate",
         "--scenario",
@@ -213,7 +213,7 @@ pub fn rewrite_project(folder: &Path, how: impl FnOnce(&str) -> String) {
     rewrite(&folder.join("project.toml"), how);
 }
 
-/// Puts `new` in place of `old`, which stands once in the project.
+/// Replaces `old`, which must occur exactly once in the project, with `new`.
 pub fn change_project(folder: &Path, old: &str, new: &str) {
     rewrite_project(folder, |text| {
         assert_eq!(text.matches(old).count(), 1, "{old}");
@@ -221,7 +221,7 @@ pub fn change_project(folder: &Path, old: &str, new: &str) {
     });
 }
 
-/// Puts `tables` in place of all that stands before the project's scanners.
+/// Replaces everything before the scanners of the project with `tables`.
 pub fn replace_logs(folder: &Path, tables: &str) {
     rewrite_project(folder, |text| {
         format!("{tables}\n{}", &text[text.find("[[scanner]]").unwrap()..])
@@ -229,7 +229,7 @@ pub fn replace_logs(folder: &Path, tables: &str) {
 }
 
 /// A folder with a small drive: 30 s northwards at 0.5 m/s on level ground, IMU at 50 Hz, prism at
-/// 5 Hz, one scanner with ten profiles a second that look straight down on a plane and a step.
+/// 5 Hz, one scanner with ten profiles per second that looks straight down on a plane and a step.
 pub fn project_of_logs() -> tempfile::TempDir {
     use std::fmt::Write;
 
@@ -276,7 +276,7 @@ rotation_convention = "bonn"
     folder
 }
 
-/// Writes a plane of points, this high.
+/// Writes a nearly level plane of points at a height.
 pub fn plane(path: &Path, up_m: f64) {
     let mut text = String::from("east_m,north_m,up_m\n");
     for i in 0..150 {

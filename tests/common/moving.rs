@@ -1,4 +1,4 @@
-//! The truth of a frame that bends.
+//! True mountings on a frame that bends.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The results of a run, to be compared with those of another.
+//! The results of a run, to be compared with those of another run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-/// `document` without what differs from run to run: times and memory.
+/// `document` without the values that differ from run to run: times and memory.
 pub fn timeless(mut document: Value) -> Value {
     match &mut document {
         Value::Object(entries) => {
@@ -25,7 +25,7 @@ pub fn timeless(mut document: Value) -> Value {
     document
 }
 
-/// A page without what differs from run to run: its date, rows with times of stages and of scales, and memory.
+/// A page without the lines that differ from run to run: its date, the times of stages and scales, and memory.
 fn timeless_page(page: &str) -> String {
     let marks = [
         "class=\"provenance\"",
@@ -41,7 +41,7 @@ fn timeless_page(page: &str) -> String {
         .join("\n")
 }
 
-/// Results whose bytes depend on nothing but the input.
+/// Results whose bytes depend only on the input.
 pub const EXACT: [&str; 6] = [
     "calibration.toml",
     "mounting.csv",
@@ -51,22 +51,22 @@ pub const EXACT: [&str; 6] = [
     "project.toml",
 ];
 
-/// The results in `out` by name, without times; panics where a file is missing or not whole.
+/// The results in `out` by name, without times; panics if a file is missing or incomplete.
 pub fn results(out: &Path) -> BTreeMap<&'static str, Vec<u8>> {
-    let mut found = BTreeMap::new();
+    let mut results = BTreeMap::new();
     for name in EXACT {
-        found.insert(name, fs::read(out.join(name)).unwrap());
+        results.insert(name, fs::read(out.join(name)).unwrap());
     }
     let document: Value =
         serde_json::from_slice(&fs::read(out.join("result.json")).unwrap()).unwrap();
-    found.insert("result.json", timeless(document).to_string().into_bytes());
+    results.insert("result.json", timeless(document).to_string().into_bytes());
     let report = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(report.trim_end().ends_with("</html>"), "half a report");
-    found.insert("report.html", timeless_page(&report).into_bytes());
-    found
+    assert!(report.trim_end().ends_with("</html>"), "incomplete report");
+    results.insert("report.html", timeless_page(&report).into_bytes());
+    results
 }
 
-/// Results are the same; names the file and the line of a page in which they are not.
+/// Asserts that results are the same; names the first file, and in a text the first line, that differs.
 pub fn assert_same(
     found: &BTreeMap<&'static str, Vec<u8>>,
     expected: &BTreeMap<&'static str, Vec<u8>>,

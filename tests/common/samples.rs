@@ -1,4 +1,4 @@
-//! Data without pattern, and files made of them.
+//! Pseudo-random data, and files made of them.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ pub fn all_points(path: &Path) -> boresight::Result<Vec<ScanPoint>> {
     Ok(all)
 }
 
-/// Numbers without pattern, the same in every run.
+/// Pseudo-random numbers from -1 to 1, the same in every run.
 pub fn noise(i: usize, k: usize) -> f64 {
     let mut x = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (k as u64 + 1) << 32;
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -30,7 +30,7 @@ pub fn vector(i: usize, k: usize) -> Vec3 {
     Vec3::new(noise(i, k), noise(i, k + 1), noise(i, k + 2))
 }
 
-/// A recording of `profiles` profiles with 160 rays, a third of them blind.
+/// Writes a recording of `profiles` profiles with 160 rays, a third of them without a point; returns the points.
 pub fn write_recording(path: &Path, profiles: usize) -> Vec<ScanPoint> {
     let mut writer = BonnWriter::create(path).unwrap();
     let mut written = Vec::new();

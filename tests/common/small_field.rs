@@ -1,4 +1,4 @@
-//! A small drive with its truth, and how to spoil its files.
+//! A small drive with its truth, and ways to damage its files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// Simulates a drive with this seed into `folder`, its scenario changed.
+    /// Simulates a drive with this seed and a changed scenario into `folder`.
     pub fn new(folder: &Path, seed: u64, change: impl Fn(&mut Scenario)) -> Self {
         let mut scenario: Scenario = toml::from_str(SCENARIO).unwrap();
         scenario.seed = seed;
@@ -65,7 +65,7 @@ impl Field {
         field
     }
 
-    /// True mountings of a scanner by time, of a frame that bends.
+    /// True mountings of a scanner by time, if the frame bends.
     pub fn true_mountings(&self, scanner: &str) -> Vec<(f64, BodyFromScanner)> {
         mountings_in(&self.folder.join(format!("truth/mounting-{scanner}.csv"))).unwrap()
     }
@@ -81,10 +81,10 @@ impl Field {
         analyse(&project, &options, &Extras::default(), &Silent)
     }
 
-    /// The largest error of a parameter in its standard deviations where it has one, and of position (metres)
-    /// and rotation (degrees).
-    pub fn errors(&self, found: &Findings) -> [f64; 3] {
-        let calibration = &found.calibration;
+    /// The largest error of a parameter in units of its standard deviation, of a position (metres) and of a rotation
+    /// (degrees).
+    pub fn errors(&self, findings: &Findings) -> [f64; 3] {
+        let calibration = &findings.calibration;
         let mut worst = [0.0_f64; 3];
         for (scanner, (mounting, truth)) in
             calibration.mountings.iter().zip(&self.truth).enumerate()

@@ -1,4 +1,4 @@
-//! Tables of numbers: CSV files and arrays of NumPy.
+//! Tables of numbers: CSV files and NumPy arrays.
 
 use std::path::Path;
 

@@ -1,24 +1,24 @@
-//! The Truck (see `tests/data/README.md`): of tests and examples.
+//! The UAV lidar data `boresight_truck` (see `tests/data/README.md`); shared by tests and examples.
 
 use std::path::{Path, PathBuf};
 
 use boresight::geometry::{Vec3, so3};
 use boresight::project::Project;
 
-/// An independent multi-start fit of the mean omnivariance, rotation vector in degrees.
+/// Rotation vector of an independent multi-start fit of the mean omnivariance, degrees.
 pub const KNOWN_DEG: [f64; 3] = [1.48, -0.81, 0.30];
 
 pub fn truck() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/boresight_truck/Truck.adc.laz")
 }
 
-/// The whole file as one 3-D scanner whose lever arm is held.
+/// The whole file as one 3D scanner with a fixed lever arm.
 pub fn project(start_deg: Vec3, folder: &Path) -> Project {
     project_with("", start_deg, folder)
 }
 
-/// The same with more to say about the poses.
-pub fn project_with(of_poses: &str, start_deg: Vec3, folder: &Path) -> Project {
+/// The same, with further lines in the table of the trajectory.
+pub fn project_with(trajectory_lines: &str, start_deg: Vec3, folder: &Path) -> Project {
     let start = so3::exp(&start_deg.map(f64::to_radians));
     let q = start.coords;
     let laz = truck();
@@ -42,7 +42,7 @@ pub fn project_with(of_poses: &str, start_deg: Vec3, folder: &Path) -> Project {
         q.y,
         q.z,
         q.w,
-        of_poses
+        trajectory_lines
     );
     let path = folder.join("project.toml");
     std::fs::write(&path, text).unwrap();

@@ -1,4 +1,4 @@
-//! Accidents: files that claim too much, pipes, full disks, Ctrl-C. Through the real binary.
+//! Accidents, tested with the real binary: files that claim too much, pipes, full disks, Ctrl-C.
 
 use std::fmt::Write;
 use std::fs;
@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use crate::common::{self, boresight, names};
 
-/// What a command does with a file that must neither hang nor print for ever.
-fn is_refused_briefly(arguments: &[&str], expected: &[&str]) {
+/// Asserts that a command fails within seconds, with a short message that contains `expected`.
+fn assert_refused_quickly(arguments: &[&str], expected: &[&str]) {
     let begun = Instant::now();
     let run = boresight(arguments);
     assert!(begun.elapsed() < Duration::from_secs(10));
@@ -17,10 +17,10 @@ fn is_refused_briefly(arguments: &[&str], expected: &[&str]) {
 }
 
 #[test]
-fn an_extended_record_that_claims_a_terabyte_is_named() {
+fn an_extended_record_that_claims_a_terabyte_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.las");
-    // A header of LAS 1.4 without points, and one extended record.
+    // A LAS 1.4 header without points, and one extended record.
     let mut bytes = vec![0; 375 + 60];
     bytes[..4].copy_from_slice(b"LASF");
     (bytes[24], bytes[25]) = (1, 4);
@@ -32,21 +32,21 @@ fn an_extended_record_that_claims_a_terabyte_is_named() {
     bytes[375 + 20..375 + 28].copy_from_slice(&(1u64 << 40).to_le_bytes());
     fs::write(&path, bytes).unwrap();
     let path = path.to_str().unwrap();
-    is_refused_briefly(
+    assert_refused_quickly(
         &["inspect", path],
         &["byte 375", "extended record of 1099511627776 bytes"],
     );
 }
 
 #[test]
-fn compressed_points_that_are_not_there_are_not_decoded() {
+fn compressed_points_that_the_file_cannot_hold_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let source = common::data("readers").join("las/autzen.laz");
     let mut bytes = fs::read(source).unwrap();
     bytes[107..111].copy_from_slice(&100_000_000u32.to_le_bytes());
     let path = folder.path().join("claims.laz");
     fs::write(&path, bytes).unwrap();
-    is_refused_briefly(
+    assert_refused_quickly(
         &["inspect", path.to_str().unwrap()],
         &["100000000 points of 34 bytes in a file of 2490 bytes"],
     );
@@ -56,7 +56,7 @@ fn compressed_points_that_are_not_there_are_not_decoded() {
 fn compressed_points_that_would_fill_the_memory_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bomb.pcd");
-    // Half a gigabyte of equal bytes from two megabytes: a literal, and copies of it.
+    // Two megabytes that unpack to 176 megabytes of equal bytes: a literal, and copies of it.
     let copies = 2_000_000 / 3;
     let unpacked = 1 + 264 * copies;
     let points = unpacked / 12;
@@ -73,18 +73,18 @@ fn compressed_points_that_would_fill_the_memory_are_refused() {
     bytes.extend((12 * points as u32).to_le_bytes());
     bytes.extend(body);
     fs::write(&path, bytes).unwrap();
-    is_refused_briefly(
+    assert_refused_quickly(
         &["inspect", path.to_str().unwrap()],
         &["bytes that unpack to", "binary"],
     );
 }
 
 #[test]
-fn decoders_that_panic_print_nothing_of_it() {
+fn a_panic_of_a_decoder_prints_no_trace() {
     let folder = tempfile::tempdir().unwrap();
     let whole = fs::read(common::data("readers").join("las/autzen.laz")).unwrap();
     let path = folder.path().join("damaged.laz");
-    // The record of the compression, byte by byte: some of these make the decoder panic.
+    // Every third byte of the compression record: some of these make the decoder panic.
     let start = whole
         .windows(13)
         .position(|w| w == b"laszip encode")
@@ -100,12 +100,12 @@ fn decoders_that_panic_print_nothing_of_it() {
 }
 
 #[test]
-fn a_bad_array_in_the_project_is_quoted_in_part() {
+fn only_a_part_of_a_long_wrong_value_is_quoted() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("project.toml");
     let long = "\"x\", ".repeat(300_000);
     fs::write(&path, format!("[calibration]\nvoxel_sizes_m = [{long}]\n")).unwrap();
-    is_refused_briefly(&["run", path.to_str().unwrap()], &["project.toml, line 2"]);
+    assert_refused_quickly(&["run", path.to_str().unwrap()], &["project.toml, line 2"]);
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn twenty_thousand_scanners_are_too_many() {
         );
     }
     fs::write(&path, text).unwrap();
-    is_refused_briefly(
+    assert_refused_quickly(
         &["run", path.to_str().unwrap()],
         &["20000 scanners", "1000 at most"],
     );
@@ -129,17 +129,17 @@ fn twenty_thousand_scanners_are_too_many() {
 
 #[test]
 #[cfg(unix)]
-fn a_pipe_is_no_file() {
+fn a_pipe_instead_of_a_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pipe.csv");
     let made = Command::new("mkfifo").arg(&path).status().unwrap();
     assert!(made.success());
     let path = path.to_str().unwrap();
-    is_refused_briefly(
+    assert_refused_quickly(
         &["inspect", path],
         &["found a pipe or a device, expected a file"],
     );
-    is_refused_briefly(
+    assert_refused_quickly(
         &["run", path],
         &["found a pipe or a device, expected a file"],
     );
@@ -147,10 +147,10 @@ fn a_pipe_is_no_file() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_called_so() {
+fn the_error_of_a_full_disk_says_so() {
     use boresight::format::CloudWriter;
     use boresight::geometry::Vec3;
-    // Writing to this device always finds the disk full; it takes the name for the format from a link.
+    // Writing to this device always fails as on a full disk; the link gives it a name with an extension.
     let folder = tempfile::tempdir().unwrap();
     for name in ["full.laz", "full.las"] {
         let path = folder.path().join(name);
@@ -168,7 +168,7 @@ fn a_full_disk_is_called_so() {
 }
 
 #[test]
-fn simulated_drives_are_not_replaced_unasked() {
+fn simulated_drives_are_replaced_only_with_force() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
     let scenario = folder.path().join("tiny.toml");
@@ -192,11 +192,11 @@ fn simulated_drives_are_not_replaced_unasked() {
     assert_eq!(boresight(&[&simulate[..], &["--force"]].concat()).code, 0);
 }
 
-/// Ctrl-C ends the work soon, says so, and leaves nothing half-written.
+/// Ctrl-C ends the run soon, with a message and without incomplete files.
 #[test]
 #[cfg(unix)]
-fn an_interrupted_run_says_so_and_leaves_nothing() {
-    let (_kept, drive) = common::simulated();
+fn an_interrupted_run_says_so_and_leaves_no_incomplete_files() {
+    let (_temp, drive) = common::simulated();
     let out = drive.join("out");
     let child = Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(["run", drive.join("project.toml").to_str().unwrap()])
@@ -204,7 +204,7 @@ fn an_interrupted_run_says_so_and_leaves_nothing() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
-    // It has begun when its staging folder is there.
+    // The run has begun once its output folder exists.
     let begun = Instant::now();
     while !out.is_dir() && begun.elapsed() < Duration::from_secs(20) {
         std::thread::sleep(Duration::from_millis(5));
@@ -227,7 +227,6 @@ fn an_interrupted_run_says_so_and_leaves_nothing() {
     );
 }
 
-/// Somebody who has seen enough closes the pipe.
 #[test]
 #[cfg(unix)]
 fn a_closed_pipe_ends_following_without_an_error() {

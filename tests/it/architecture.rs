@@ -1,5 +1,5 @@
-//! The structure of `src/` and of the crates: rooms import only from the rooms above them in the table of `lib.rs`,
-//! no file imports itself by way of others, and the README shows the same table.
+//! The structure of `src/` and of the crates: modules import only from those above them in the table of `lib.rs`, no
+//! file imports itself indirectly, and the README shows the same table.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,36 +7,36 @@ use std::path::{Path, PathBuf};
 
 use crate::common::source_folders;
 
-/// A module as the names that lead to it from the crate's root.
+/// The path of a module from the crate's root.
 type Module = Vec<String>;
 
-/// What one source file defines and imports.
+/// The imports and exports of one source file.
 struct Source {
     module: Module,
     /// Paths that it imports or names, from the crate's root.
     uses: Vec<Module>,
-    /// Names that it hands on, and where they come from.
+    /// Names that it re-exports, and their paths.
     exports: BTreeMap<String, Module>,
 }
 
-/// The table of rooms, and the modules of the crates under one name.
+/// The file with the table of modules.
 fn lib() -> PathBuf {
     source_folders()[0].join("lib.rs")
 }
 
-fn source_files(folder: &Path, found: &mut Vec<PathBuf>) {
+fn source_files(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_stem().unwrap().to_str().unwrap();
         if path.is_dir() {
             if name != "tests" {
-                source_files(&path, found);
+                source_files(&path, files);
             }
         } else if path.extension().is_some_and(|e| e == "rs")
             && !["tests", "main", "small_case"].contains(&name)
             && (name != "lib" || path == lib())
         {
-            found.push(path);
+            files.push(path);
         }
     }
 }
@@ -66,8 +66,8 @@ fn plain(text: &str) -> String {
         .join("\n")
 }
 
-/// Every path of a `use` tree: `a::{b, c::d}` is `a::b` and `a::c::d`. An alias is dropped.
-fn leaves(tree: &str, before: &[String], found: &mut Vec<Module>) {
+/// All paths of a `use` tree: those of `a::{b, c::d}` are `a::b` and `a::c::d`. An alias is dropped.
+fn leaves(tree: &str, before: &[String], paths: &mut Vec<Module>) {
     let tree = tree.trim();
     if let Some(open) = tree.find('{') {
         let mut path = before.to_vec();
@@ -80,7 +80,7 @@ fn leaves(tree: &str, before: &[String], found: &mut Vec<Module>) {
                 '}' => depth -= 1,
                 ',' if depth == 0 => {
                     if !inner[from..at].trim().is_empty() {
-                        leaves(&inner[from..at], &path, found);
+                        leaves(&inner[from..at], &path, paths);
                     }
                     from = at + 1;
                 }
@@ -90,7 +90,7 @@ fn leaves(tree: &str, before: &[String], found: &mut Vec<Module>) {
     } else {
         let mut path = before.to_vec();
         path.extend(names(tree.split(" as ").next().unwrap()));
-        found.push(path);
+        paths.push(path);
     }
 }
 
@@ -100,7 +100,7 @@ fn names(path: &str) -> impl Iterator<Item = String> + '_ {
         .filter(|name| !name.is_empty() && name != "self")
 }
 
-/// The path from the crate's root, where `path` stands in `module`; `None` for other crates.
+/// The path from the crate's root of a `path` that is used in `module`; `None` for other crates.
 fn absolute(path: &[String], module: &Module, children: &BTreeSet<Module>) -> Option<Module> {
     let mut base = module.clone();
     let mut rest = path;
@@ -143,9 +143,9 @@ fn parse(path: &Path, modules: &BTreeSet<Module>) -> Source {
         };
         let line = rest[..at].rfind('\n').map_or(0, |n| n + 1);
         let public = rest[line..at].trim_start().starts_with("pub");
-        let mut found = Vec::new();
-        leaves(&rest[at + 4..at + end], &[], &mut found);
-        for path in found {
+        let mut paths = Vec::new();
+        leaves(&rest[at + 4..at + end], &[], &mut paths);
+        for path in paths {
             let Some(target) = absolute(&path, &module, modules) else {
                 continue;
             };
@@ -159,7 +159,7 @@ fn parse(path: &Path, modules: &BTreeSet<Module>) -> Source {
         rest = &rest[at + end + 1..];
     }
     without.push_str(rest);
-    // Paths in the midst of the code.
+    // Paths within the code.
     for (at, _) in without.match_indices("::") {
         let start = without[..at]
             .rfind(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'))
@@ -184,23 +184,23 @@ fn child(module: &Module, name: &str) -> Module {
     module.iter().cloned().chain([name.to_owned()]).collect()
 }
 
-/// The module in which what `path` names is defined.
+/// The module that defines the item at `path`.
 fn home(path: &[String], sources: &BTreeMap<Module, Source>) -> Module {
     let mut at = path.len();
     while !sources.contains_key(&path[..at]) {
         at -= 1;
     }
     let module = path[..at].to_vec();
-    let handed_on = path
+    let exported = path
         .get(at)
         .and_then(|name| sources[&module].exports.get(name));
-    match handed_on {
+    match exported {
         Some(from) if from != path => home(from, sources),
         _ => module,
     }
 }
 
-/// Who imports whom, file by file.
+/// The imports of each file.
 fn imports() -> BTreeMap<Module, BTreeSet<Module>> {
     let mut files = Vec::new();
     for folder in source_folders() {
@@ -211,51 +211,53 @@ fn imports() -> BTreeMap<Module, BTreeSet<Module>> {
         .iter()
         .map(|path| (module_of(path), parse(path, &modules)))
         .collect();
-    let of = |source: &Source| {
+    let targets = |source: &Source| {
         let homes = source.uses.iter().map(|path| home(path, &sources));
         homes.filter(|target| *target != source.module).collect()
     };
     sources
         .iter()
-        .map(|(module, source)| (module.clone(), of(source)))
+        .map(|(module, source)| (module.clone(), targets(source)))
         .collect()
 }
 
-/// The rooms in the order of the table in `text`: its rows begin with a name in backquotes.
+/// The modules in the order of the table in `text`, whose rows begin with a name in backquotes, and their contents.
 fn table(text: &str) -> Vec<(String, String)> {
     let rows = text.lines().filter_map(|line| {
         let line = line.trim_start_matches("//!").trim();
         let row = line.strip_prefix("| ")?.strip_suffix(" |")?;
-        let (name, says) = row.split_once(" | ")?;
+        let (name, contents) = row.split_once(" | ")?;
         let name = name
             .trim_matches(['[', ']', '`'])
             .trim_start_matches("mod@");
         let is_in = |folder: &PathBuf| {
             folder.join(name).is_dir() || folder.join(format!("{name}.rs")).is_file()
         };
-        let is_room = source_folders().iter().any(is_in);
-        is_room.then(|| (name.to_owned(), says.to_owned()))
+        let is_module = source_folders().iter().any(is_in);
+        is_module.then(|| (name.to_owned(), contents.to_owned()))
     });
     rows.collect()
 }
 
 #[test]
-fn rooms_import_only_from_above() {
+fn modules_import_only_from_above() {
     let lib = fs::read_to_string(lib()).unwrap();
-    let rooms: Vec<String> = table(&lib).into_iter().map(|(name, _)| name).collect();
-    assert!(rooms.len() > 10, "{rooms:?}");
-    let place = |name: &String| rooms.iter().position(|room| room == name);
+    let modules: Vec<String> = table(&lib).into_iter().map(|(name, _)| name).collect();
+    assert!(modules.len() > 10, "{modules:?}");
+    let place = |name: &String| modules.iter().position(|module| module == name);
     let mut wrong = Vec::new();
     for (module, targets) in imports() {
-        let Some(own) = module.first() else { continue };
-        let Some(at) = place(own) else {
-            wrong.push(format!("{own} is not in the table of lib.rs"));
+        let Some(importer) = module.first() else {
+            continue;
+        };
+        let Some(at) = place(importer) else {
+            wrong.push(format!("{importer} is not in the table of lib.rs"));
             continue;
         };
         for target in targets {
             if let Some(other) = target.first().filter(|other| place(other) > Some(at)) {
                 wrong.push(format!(
-                    "{} imports {}: {own} stands above {other}",
+                    "{} imports {}: {importer} stands above {other}",
                     module.join("::"),
                     target.join("::")
                 ));
@@ -266,11 +268,11 @@ fn rooms_import_only_from_above() {
 }
 
 #[test]
-fn no_file_imports_itself_by_way_of_others() {
+fn no_file_imports_itself_indirectly() {
     let imports = imports();
     let mut circles = Vec::new();
     for start in imports.keys() {
-        // The shortest way back, of those through modules that come later in the alphabet.
+        // The shortest way back through modules that come later in the alphabet.
         let mut ways = vec![vec![start.clone()]];
         let mut seen = BTreeSet::new();
         while let Some(way) = (!ways.is_empty()).then(|| ways.remove(0)) {

@@ -17,12 +17,12 @@ use tempfile::TempDir;
 /// The demo's first drive on three scales.
 struct Case {
     drive: &'static DemoDrive,
-    /// Of files of its own.
+    /// A project with a separate copy of the files.
     project: Project,
     _folder: TempDir,
 }
 
-/// Simulated and read once, since poses and reference are the same for all tests.
+/// Simulates and reads the drive only once, because poses and reference are the same for all tests.
 fn case() -> Case {
     static DRIVE: LazyLock<(DemoDrive, BTreeMap<PathBuf, Vec<u8>>)> = LazyLock::new(|| {
         let folder = tempfile::tempdir().unwrap();
@@ -41,23 +41,23 @@ fn case() -> Case {
     }
 }
 
-/// On its own settings.
+/// Calibrates with the settings of the project.
 fn calibrated(project: &Project, poses: &EstimatedPoses, reference: &[Vec3]) -> Calibration {
     calibrate(project, &project.calibration, poses, reference).unwrap()
 }
 
-/// Errors must lie within 4 mm and 0.15°, the limits that poses of this grade set, and within 2.8
-/// claimed sigmas: 22 numbers all stay within 2.8 nine times in ten, and one drive is one draw.
-fn assert_honest(drive: &DemoDrive, found: &Calibration, label: &str) {
+/// Errors must lie within 4 mm and 0.15°, the limits with poses of this grade, and within 2.8 of the
+/// reported sigmas: 22 normal numbers are all within 2.8 nine times in ten, and one drive is one draw.
+fn assert_errors_match_sigmas(drive: &DemoDrive, calibration: &Calibration, label: &str) {
     for scanner in 0..2 {
-        let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
-        let errors = drive.errors(found, scanner);
+        let sigmas = calibration.sigmas(scanner, EulerConvention::Bonn);
+        let errors = drive.errors(calibration, scanner);
         println!("{label} {scanner}: errors {errors:?}, sigmas {sigmas:?}");
         for parameter in 0..6 {
-            if !found.is_observable(scanner, parameter) {
+            if !calibration.is_observable(scanner, parameter) {
                 continue;
             }
-            let sigma = sigmas[parameter].expect("what is determined has a sigma");
+            let sigma = sigmas[parameter].expect("an observable parameter has a sigma");
             let (limit, sigma) = if parameter < 3 {
                 (0.004, sigma)
             } else {
@@ -70,7 +70,7 @@ fn assert_honest(drive: &DemoDrive, found: &Calibration, label: &str) {
             );
         }
     }
-    for scale in &found.scales {
+    for scale in &calibration.scales {
         assert!(
             scale.iterations <= 12,
             "{label}: {} at {}",
@@ -78,16 +78,16 @@ fn assert_honest(drive: &DemoDrive, found: &Calibration, label: &str) {
             scale.voxel_m
         );
     }
-    assert!(found.converged);
-    let minimum = found.minimum.as_ref().unwrap();
-    assert!(minimum.other.is_none(), "{label}");
+    assert!(calibration.converged);
+    let minimum = calibration.minimum.as_ref().unwrap();
+    assert!(minimum.alternative.is_none(), "{label}");
     assert_eq!(minimum.back, minimum.starts, "{label}");
 }
 
 /// Started with the scanners exchanged, the calibration ends in one of many minima.
 #[test]
 #[ignore = "just acceptance"]
-fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
+fn a_possibly_wrong_minimum_has_no_standard_deviations() {
     let case = case();
     let mut project = case.project.clone();
     let [left, right] = project.scanners.as_mut_slice() else {
@@ -95,18 +95,18 @@ fn what_may_be_the_wrong_minimum_has_no_standard_deviations() {
     };
     std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
-    assert!(found.minimum.unwrap().other.is_some());
-    assert!(found.covariance.is_none());
+    let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
+    assert!(calibration.minimum.unwrap().alternative.is_some());
+    assert!(calibration.covariance.is_none());
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn with_exact_poses_the_truth_is_found() {
+fn with_exact_poses_the_mountings_are_the_true_ones() {
     let case = case();
-    let found = calibrated(&case.project, &case.drive.exact, &case.drive.reference);
+    let calibration = calibrated(&case.project, &case.drive.exact, &case.drive.reference);
     for scanner in 0..2 {
-        let errors = case.drive.errors(&found, scanner);
+        let errors = case.drive.errors(&calibration, scanner);
         println!("exact poses {scanner}: errors {errors:?}");
         assert!(errors[..3].iter().all(|e| e.abs() < 1e-4), "{errors:?}");
         assert!(errors[3..].iter().all(|e| e.abs() < 0.005), "{errors:?}");
@@ -114,35 +114,35 @@ fn with_exact_poses_the_truth_is_found() {
 }
 
 #[test]
-fn with_own_poses_the_errors_are_those_claimed() {
+fn with_estimated_poses_the_errors_match_their_sigmas() {
     let case = case();
-    let found = calibrated(&case.project, &case.drive.own, &case.drive.reference);
-    assert!(found.observability.unobservable.is_empty());
-    assert_honest(case.drive, &found, "own poses");
-    let constancy = found.constancy.unwrap();
+    let calibration = calibrated(&case.project, &case.drive.estimated, &case.drive.reference);
+    assert!(calibration.observability.unobservable.is_empty());
+    assert_errors_match_sigmas(case.drive, &calibration, "estimated poses");
+    let constancy = calibration.constancy.unwrap();
     assert!(constancy.constant, "{} times expected", constancy.ratio);
-    let gap = found.gap.unwrap();
-    // Half of what is allowed.
+    let gap = calibration.gap.unwrap();
+    // Half of the limit.
     assert!(gap.constant && gap.ratio < 1.0, "{gap:?}");
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn without_a_reference_the_common_height_is_named_and_held() {
+fn without_a_reference_the_common_height_is_reported_and_held() {
     let case = case();
-    let found = calibrated(&case.project, &case.drive.own, &[]);
-    assert_eq!(found.observability.unobservable.len(), 1);
+    let calibration = calibrated(&case.project, &case.drive.estimated, &[]);
+    assert_eq!(calibration.observability.unobservable.len(), 1);
     assert_eq!(
-        found.observability.unobservable[0].description,
+        calibration.observability.unobservable[0].description,
         "all scanners' common height"
     );
-    assert_eq!(found.unobservable(0), ["tz"]);
-    assert_eq!(found.unobservable(1), ["tz"]);
-    assert_eq!(found.sigmas(0, EulerConvention::Bonn)[2], None);
-    assert_honest(case.drive, &found, "no reference");
-    // The mean height stays where the user put it; the difference is found.
+    assert_eq!(calibration.unobservable(0), ["tz"]);
+    assert_eq!(calibration.unobservable(1), ["tz"]);
+    assert_eq!(calibration.sigmas(0, EulerConvention::Bonn)[2], None);
+    assert_errors_match_sigmas(case.drive, &calibration, "no reference");
+    // The mean height stays at the user's value; the difference is estimated.
     let height = |pose: &BodyFromScanner| pose.translation_m.z;
-    let (left, right) = (&found.mountings[0], &found.mountings[1]);
+    let (left, right) = (&calibration.mountings[0], &calibration.mountings[1]);
     let mean = 0.5 * (height(&left.body_from_scanner) + height(&right.body_from_scanner));
     assert!(
         (mean - 0.5).abs() < 1e-3,
@@ -156,34 +156,34 @@ fn without_a_reference_the_common_height_is_named_and_held() {
 }
 
 #[test]
-fn the_height_of_a_single_scanner_is_not_invented_either() {
+fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
     let case = case();
     let mut project = case.project.clone();
     project.scanners.truncate(1);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &[]);
+    let calibration = calibrated(&project, &case.drive.estimated, &[]);
     assert_eq!(
-        found.observability.unobservable[0].description,
+        calibration.observability.unobservable[0].description,
         "the height of `left`"
     );
-    assert_eq!(found.unobservable(0), ["tz"]);
-    let height = found.mountings[0].body_from_scanner.translation_m.z;
+    assert_eq!(calibration.unobservable(0), ["tz"]);
+    let height = calibration.mountings[0].body_from_scanner.translation_m.z;
     assert!((height - 0.5).abs() < 1e-6, "held at 0.5 m, found {height}");
 }
 
 #[test]
-fn held_parameters_stay_to_the_last_bit() {
+fn fixed_parameters_stay_at_their_values() {
     let case = case();
     let mut project = case.project.clone();
     for scanner in &mut project.scanners {
         scanner.fixed = [true, false, true, false, true, false];
     }
     project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&project, &case.drive.own, &case.drive.reference);
+    let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
     for (scanner, before) in project.scanners.iter().enumerate() {
         let (a, b) = (
             &before.body_from_scanner,
-            &found.mountings[scanner].body_from_scanner,
+            &calibration.mountings[scanner].body_from_scanner,
         );
         assert_eq!(a.translation_m.x, b.translation_m.x);
         assert_eq!(a.translation_m.z, b.translation_m.z);
@@ -192,7 +192,7 @@ fn held_parameters_stay_to_the_last_bit() {
             euler_deg_from_rotation(EulerConvention::Bonn, &pose.rotation)[1]
         };
         assert!((angle(a) - angle(b)).abs() < 1e-9);
-        let sigmas = found.sigmas(scanner, EulerConvention::Bonn);
+        let sigmas = calibration.sigmas(scanner, EulerConvention::Bonn);
         let held: Vec<bool> = sigmas.iter().map(Option::is_none).collect();
         assert_eq!(held, before.fixed);
     }
@@ -200,7 +200,7 @@ fn held_parameters_stay_to_the_last_bit() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn the_papers_method_lifts_the_scanners_and_needs_more() {
+fn the_papers_method_corrects_the_height_but_needs_more_iterations() {
     let case = case();
     let settings = CalibrationSettings {
         method: Method::Paper,
@@ -208,44 +208,44 @@ fn the_papers_method_lifts_the_scanners_and_needs_more() {
         max_iterations: 20,
         ..case.project.calibration.clone()
     };
-    let found = calibrate(
+    let calibration = calibrate(
         &case.project,
         &settings,
-        &case.drive.own,
+        &case.drive.estimated,
         &case.drive.reference,
     )
     .unwrap();
-    let scale = &found.scales[0];
+    let scale = &calibration.scales[0];
     for scanner in 0..2 {
-        let errors = case.drive.errors(&found, scanner);
+        let errors = case.drive.errors(&calibration, scanner);
         println!("paper {scanner}: errors {errors:?}");
-        // The scanners start 87 mm and 85 mm too high. A tenth of that is what the plain voxel
-        // filter and the squares may leave at this scale, 17 % of the voxel.
+        // The scanners start with height errors of 87 mm and 85 mm. The plain voxel filter and the
+        // squares may leave a tenth of that at this scale, 17 % of the voxel.
         assert!(errors[2].abs() < 0.0087, "{errors:?}");
     }
     assert!(scale.costs[20] < 0.6 * scale.costs[0], "{:?}", scale.costs);
-    // Where the reweighted method has converged after 5.
+    // The reweighted method converges after 5.
     assert_eq!(scale.iterations, 20);
-    assert!(!found.converged);
+    assert!(!calibration.converged);
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
+fn a_bending_mounting_is_detected_from_the_pattern_of_residuals_along_the_drive() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
     scenario.deformation.enabled = true;
     let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
     case.project.calibration.voxel_sizes_m = vec![0.05];
-    let found = calibrated(&case.project, &case.own, &case.reference);
-    let constancy = found.constancy.unwrap();
+    let calibration = calibrated(&case.project, &case.estimated, &case.reference);
+    let constancy = calibration.constancy.unwrap();
     println!(
         "{} mm, {} times expected, {:?}",
         constancy.rms_m * 1e3,
         constancy.ratio,
         constancy.strongest
     );
-    // Sized to leave the paper's 8 mm, where poses explain less than 1 mm.
+    // The bending is sized to leave the paper's 8 mm, of which pose errors explain less than 1 mm.
     assert!(!constancy.constant);
     assert!(constancy.ratio > 4.0, "{}", constancy.ratio);
     assert!(
@@ -255,10 +255,10 @@ fn a_mounting_that_bends_is_noticed_from_the_pattern_along_the_drive() {
     );
 }
 
-/// The residuals to the reference show it hardly more than poses that are off would.
+/// The residuals to the reference alone could be explained by pose errors.
 #[test]
 #[ignore = "just acceptance"]
-fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
+fn a_randomly_moving_mounting_is_detected_from_the_gap_between_the_scanners() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
     let deformation = &mut scenario.deformation;
@@ -273,14 +273,14 @@ fn a_mounting_that_moves_at_random_is_noticed_between_the_scanners() {
     let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
     case.project.calibration.voxel_sizes_m = vec![0.05, 0.02];
     for reference in [case.reference.as_slice(), &[]] {
-        let found = calibrated(&case.project, &case.own, reference);
-        let gap = found.gap.unwrap();
+        let calibration = calibrated(&case.project, &case.estimated, reference);
+        let gap = calibration.gap.unwrap();
         println!(
             "{gap:?}, residuals {:?}",
-            found.constancy.map(|found| found.ratio)
+            calibration.constancy.map(|constancy| constancy.ratio)
         );
         assert_eq!(gap.scanners, [0, 1]);
-        // Bounded changes: no block counts for more than six.
+        // Changes are bounded: no block counts for more than six.
         assert!(!gap.constant && gap.ratio > 3.0, "{gap:?}");
     }
 }

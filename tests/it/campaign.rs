@@ -1,4 +1,4 @@
-//! Campaigns through the real binary.
+//! Campaigns, tested with the real binary.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -14,10 +14,10 @@ use serde_json::Value;
 const PLOTS: [&str; 2] = ["p1", "p2"];
 const DATES: [&str; 3] = ["2025-05-01", "2025-05-08", "2025-05-15"];
 
-/// A campaign of two plots on three dates, all with the tiny drive, and what keeps it.
+/// A campaign of two plots on three dates, all with the tiny drive, and the temporary folder that contains it.
 fn campaign(more: &str) -> (tempfile::TempDir, PathBuf) {
-    let (kept, drive) = simulated();
-    let root = kept.path().join("campaign");
+    let (temp, drive) = simulated();
+    let root = temp.path().join("campaign");
     fs::create_dir_all(&root).unwrap();
     fs::copy(drive.join("../tls.laz"), root.join("tls.laz")).unwrap();
     for (date, plot) in DATES.iter().flat_map(|date| PLOTS.map(|plot| (date, plot))) {
@@ -40,29 +40,29 @@ fn campaign(more: &str) -> (tempfile::TempDir, PathBuf) {
         format!("[campaign]\ndrives = \"{{date}}/{{plot}}/project.toml\"\ntile_m = 2.0\n{more}");
     let path = root.join("campaign.toml");
     fs::write(&path, text).unwrap();
-    (kept, path)
+    (temp, path)
 }
 
 fn run(path: &Path, out: &Path, more: &[&str]) -> Run {
-    let own = [
+    let arguments = [
         "campaign",
         path.to_str().unwrap(),
         "--out",
         out.to_str().unwrap(),
     ];
-    boresight(&[&own, more].concat())
+    boresight(&[&arguments, more].concat())
 }
 
-/// All files below a folder with their bytes, but for those that hold times.
+/// All files below a folder with their bytes, without those that contain times.
 fn content(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = files(folder);
-    found.retain(|path, _| {
+    let mut files = files(folder);
+    files.retain(|path, _| {
         let name = path.file_name().unwrap();
         !["work.json", "log.txt", "campaign.html"]
             .map(OsStr::new)
             .contains(&name)
     });
-    found
+    files
 }
 
 fn list(out: &Path) -> Value {
@@ -84,8 +84,8 @@ fn folder_of(out: &Path, start: &str) -> PathBuf {
 }
 
 #[test]
-fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
-    let (kept, path) = campaign("");
+fn a_corrupt_drive_fails_alone_and_is_computed_once_it_is_repaired() {
+    let (temp, path) = campaign("");
     let root = path.parent().unwrap();
     let out = root.join("out");
     let broken = root.join(DATES[1]).join("p2/right.bin");
@@ -93,7 +93,7 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
     fs::write(&broken, &whole[..whole.len() / 2]).unwrap();
     let first = run(&path, &out, &["--workers", "2"]);
     assert_eq!(first.code, 1, "{}", first.err);
-    // Its drive, and the changes to it and from it.
+    // The drive itself, and the changes to it and from it.
     assert!(
         first
             .out
@@ -110,7 +110,7 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
     ] {
         assert!(page.contains(part), "{part}");
     }
-    // Nothing of the failed drive is there.
+    // The failed drive has no folder.
     assert!(!fs::read_dir(out.join("items")).unwrap().any(|entry| {
         entry
             .unwrap()
@@ -130,8 +130,8 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
     );
     assert_eq!(list(&out)["failed"], 0);
 
-    // Another folder, and one worker: the same bytes.
-    let other = kept.path().join("other");
+    // Another folder and one worker give the same bytes.
+    let other = temp.path().join("other");
     let third = run(&path, &other, &["--workers", "1"]);
     assert_eq!(third.code, 0, "{}", third.err);
     let (one, two) = (content(&out), content(&other));
@@ -143,7 +143,7 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
         assert!(*bytes == two[name], "{} differs", name.display());
     }
 
-    // The points of all tiles are those that georeference writes.
+    // The tiles contain the points that `georeference` writes.
     let result: Value = serde_json::from_slice(
         &one[&folder_of(&out, "drive_p1_2025-05-01")
             .strip_prefix(&out)
@@ -164,7 +164,7 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
         })
         .sum();
     let project = root.join(DATES[0]).join("p1/project.toml");
-    let placed = kept.path().join("placed");
+    let placed = temp.path().join("placed");
     let done = boresight(&[
         "georeference",
         project.to_str().unwrap(),
@@ -180,7 +180,7 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
     );
     assert_eq!(result["points"], points);
 
-    // Nothing has changed between dates with the same drive.
+    // There is no change between dates with the same drive.
     let change: Value = serde_json::from_slice(
         &one[&folder_of(&out, "change_p1_2025-05-15")
             .strip_prefix(&out)
@@ -192,8 +192,8 @@ fn one_corrupt_drive_fails_alone_and_is_done_once_it_is_mended() {
 }
 
 #[test]
-fn a_killed_campaign_goes_on_where_it_was() {
-    let (_kept, path) = campaign("compare_with_before = false\n");
+fn a_killed_campaign_continues_where_it_was() {
+    let (_temp, path) = campaign("compare_with_before = false\n");
     let out = path.with_file_name("out");
     let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(["campaign", path.to_str().unwrap(), "--workers", "1"])
@@ -215,7 +215,7 @@ fn a_killed_campaign_goes_on_where_it_was() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    // Whatever is there is whole; the item that was under way notices that it is alone.
+    // The results on the disk are complete; the process of the current item ends without its parent.
     let before = finished();
     let again = run(&path, &out, &[]);
     assert_eq!(again.code, 0, "{}", again.err);
@@ -239,8 +239,8 @@ fn a_killed_campaign_goes_on_where_it_was() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn an_item_without_memory_says_so() {
-    let (_kept, path) = campaign("compare_with_before = false\n");
+fn an_item_that_runs_out_of_memory_says_so() {
+    let (_temp, path) = campaign("compare_with_before = false\n");
     let out = path.with_file_name("out");
     let run = run(&path, &out, &["--memory-mb", "24", "--workers", "2"]);
     assert_eq!(run.code, 1, "{}", run.err);
@@ -252,15 +252,15 @@ fn an_item_without_memory_says_so() {
     );
     let page = fs::read_to_string(out.join("campaign.html")).unwrap();
     assert!(page.contains("--memory-mb"));
-    // With so little, its threads would wait for each other for ever.
+    // With so little memory, its threads would wait for each other for ever.
     let run = self::run(&path, &out, &["--memory-mb", "5", "--workers", "1"]);
     assert_eq!(run.code, 1, "{}", run.err);
     assert!(run.err.contains("5 MB for an item with"), "{}", run.err);
 }
 
 #[test]
-fn mistakes_of_one_drive_are_its_own_and_those_of_the_campaign_are_named() {
-    let (_kept, path) = campaign("calibration = \"{date}.toml\"\ncompare_with_before = false\n");
+fn mistakes_in_one_drive_leave_the_others_and_mistakes_in_the_campaign_are_reported() {
+    let (_temp, path) = campaign("calibration = \"{date}.toml\"\ncompare_with_before = false\n");
     let root = path.parent().unwrap();
     let out = root.join("out");
     // A calibration for one date only; one project with a mistyped key.
@@ -282,7 +282,7 @@ fn mistakes_of_one_drive_are_its_own_and_those_of_the_campaign_are_named() {
     let run = run(&path, &out, &[]);
     assert_eq!(run.code, 1, "{}", run.err);
     assert!(run.out.contains("1 done"), "{}", run.out);
-    // With mountings that were marked as not usable, its result is not either.
+    // With mountings that are marked as not usable, the result is not usable either.
     let result = fs::read(folder_of(&out, "drive_p1").join("result.json")).unwrap();
     let result: Value = serde_json::from_slice(&result).unwrap();
     assert_eq!(result["headline"], "unusable");
@@ -306,8 +306,8 @@ fn mistakes_of_one_drive_are_its_own_and_those_of_the_campaign_are_named() {
 }
 
 #[test]
-fn folders_of_drives_take_a_template_and_a_calibration_is_an_item() {
-    let (_kept, path) = campaign("");
+fn drives_can_be_folders_with_a_project_template_and_a_calibration_is_an_item() {
+    let (_temp, path) = campaign("");
     let root = path.parent().unwrap();
     let text = fs::read_to_string(root.join(DATES[0]).join("p1/project.toml")).unwrap();
     fs::write(
@@ -348,12 +348,12 @@ fn folders_of_drives_take_a_template_and_a_calibration_is_an_item() {
     let run = run(&path, &out, &[]);
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
     assert!(run.out.contains("5 done"), "{}", run.out);
-    let found: Value = serde_json::from_str(
+    let result: Value = serde_json::from_str(
         &fs::read_to_string(folder_of(&out, "drive_p1").join("result.json")).unwrap(),
     )
     .unwrap();
-    // Its mountings are those that were calibrated: millimetres from the reference, not centimetres.
-    let rmse_m = found["agreement"][0]["m3c2_rmse_m"].as_f64().unwrap();
+    // The drive uses the calibrated mountings: millimetres from the reference, not centimetres.
+    let rmse_m = result["agreement"][0]["m3c2_rmse_m"].as_f64().unwrap();
     assert!(rmse_m < 0.02, "{rmse_m}");
     let page = fs::read_to_string(out.join("campaign.html")).unwrap();
     assert!(page.contains("2 drives of 2 plots on 1 date") && page.contains("Drift watch"));

@@ -1,4 +1,4 @@
-//! Every long call can be told to stop: it answers so, ends its stages, and leaves no file behind.
+//! Every long call can be cancelled: it returns `Cancelled`, ends its stages, and leaves no file behind.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use boresight::project::Project;
 use boresight::tiles::{Comparison, FeatureSettings, NormalSource};
 use boresight::{Error, Result};
 
-/// Tells the work to stop when it asks for the `at`-th time, and from then on.
+/// Cancels the work when it asks for the `at`-th time, and from then on.
 struct StopAt {
     at: u64,
     asked: AtomicU64,
@@ -44,12 +44,12 @@ impl Progress for StopAt {
     }
 }
 
-/// The first time that work asks, the last, and some times between, as shares of all.
+/// The first and the last time that the work asks, and some in between, as shares of all.
 const EVERYWHERE: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
-/// Counts how often `work` asks when it is let alone, then stops it at these shares of that. `least` is how often
-/// it asks at least.
-fn stops(
+/// Counts how often `work` asks whether it is cancelled, which must be at least `least` times, then cancels it at these
+/// shares of that number.
+fn assert_cancellable(
     what: &str,
     least: u64,
     shares: &[f64],
@@ -61,10 +61,10 @@ fn stops(
         seed: None,
         fresh: true,
     };
-    let alone = StopAt::new(u64::MAX);
-    work(&options("whole"), &alone).unwrap();
-    let asked = alone.asked.into_inner();
-    assert_eq!(alone.open.into_inner(), 0, "{what}");
+    let never = StopAt::new(u64::MAX);
+    work(&options("whole"), &never).unwrap();
+    let asked = never.asked.into_inner();
+    assert_eq!(never.open.into_inner(), 0, "{what}");
     assert!(asked >= least, "{what} asks {asked} times");
 
     let out = options("out");
@@ -74,10 +74,10 @@ fn stops(
     for share in shares {
         let at = ((share * asked as f64) as u64).max(1);
         let stop = StopAt::new(at);
-        let found = work(&out, &stop);
+        let outcome = work(&out, &stop);
         assert!(
-            matches!(found, Err(Error::Cancelled)),
-            "{what}, {at} of {asked}: {found:?}"
+            matches!(outcome, Err(Error::Cancelled)),
+            "{what}, {at} of {asked}: {outcome:?}"
         );
         assert_eq!(stop.open.into_inner(), 0, "{what}, {at} of {asked}");
         assert!(before == files(&out.out), "{what}, {at} of {asked}");
@@ -90,29 +90,29 @@ fn scenario(folder: &Path) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// A simulated drive: what keeps it, its project, and its reference.
+/// A simulated drive: its temporary folder, its project, and its reference.
 fn drive() -> (tempfile::TempDir, Project, PathBuf) {
-    let (kept, drive) = simulated();
+    let (temp, drive) = simulated();
     let project = Project::read(&drive.join("project.toml")).unwrap();
-    (kept, project, drive.join("../tls.laz"))
+    (temp, project, drive.join("../tls.laz"))
 }
 
 #[test]
-fn simulations_stop() {
+fn simulations_can_be_cancelled() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = scenario(folder.path());
-    stops("simulate", 4, &EVERYWHERE, |options, progress| {
+    assert_cancellable("simulate", 4, &EVERYWHERE, |options, progress| {
         pipeline::simulate(&scenario, options, progress)
     });
 }
 
 #[test]
-fn commands_on_projects_stop() {
-    let (_kept, project, _) = drive();
-    stops("trajectory", 4, &EVERYWHERE, |options, progress| {
+fn commands_on_projects_can_be_cancelled() {
+    let (_temp, project, _) = drive();
+    assert_cancellable("trajectory", 4, &EVERYWHERE, |options, progress| {
         pipeline::trajectory(&project, options, progress)
     });
-    stops(
+    assert_cancellable(
         "trajectory --online",
         1000,
         &EVERYWHERE,
@@ -122,29 +122,29 @@ fn commands_on_projects_stop() {
         },
     );
     let placement = pipeline::Placement::new(&project, None, None).unwrap();
-    stops("georeference", 6, &EVERYWHERE, |options, progress| {
+    assert_cancellable("georeference", 6, &EVERYWHERE, |options, progress| {
         pipeline::georeference(&placement, options, progress)
     });
-    stops("run", 20, &[0.5], |options, progress| {
+    assert_cancellable("run", 20, &[0.5], |options, progress| {
         pipeline::run(&project, options, progress)
     });
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn calibrations_and_runs_stop_everywhere() {
-    let (_kept, project, _) = drive();
-    stops("calibrate", 8, &EVERYWHERE, |options, progress| {
+fn calibrations_and_runs_can_be_cancelled_at_any_moment() {
+    let (_temp, project, _) = drive();
+    assert_cancellable("calibrate", 8, &EVERYWHERE, |options, progress| {
         pipeline::calibrate(&project, options, progress)
     });
-    stops("run", 20, &EVERYWHERE, |options, progress| {
+    assert_cancellable("run", 20, &EVERYWHERE, |options, progress| {
         pipeline::run(&project, options, progress)
     });
 }
 
 #[test]
-fn commands_on_clouds_stop() {
-    let (_kept, _, cloud) = drive();
+fn commands_on_clouds_can_be_cancelled() {
+    let (_temp, _, cloud) = drive();
     // In one piece, and by tiles.
     for memory_bytes in [None, Some(1)] {
         let comparison = Comparison {
@@ -157,18 +157,18 @@ fn commands_on_clouds_stop() {
             settings: Default::default(),
             memory_bytes,
         };
-        stops("compare", 3, &EVERYWHERE, |options, progress| {
+        assert_cancellable("compare", 3, &EVERYWHERE, |options, progress| {
             pipeline::compare(&comparison, options, progress)
         });
         let settings = FeatureSettings {
             memory_bytes,
             ..FeatureSettings::default()
         };
-        stops("features", 4, &EVERYWHERE, |options, progress| {
+        assert_cancellable("features", 4, &EVERYWHERE, |options, progress| {
             pipeline::features(&cloud, &settings, options, progress)
         });
     }
-    stops("thin", 2, &EVERYWHERE, |options, progress| {
+    assert_cancellable("thin", 2, &EVERYWHERE, |options, progress| {
         pipeline::thin(&cloud, 0.1, options, progress)
     });
 }

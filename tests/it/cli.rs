@@ -1,4 +1,4 @@
-//! The command line through the real binary.
+//! The command line, tested with the real binary.
 
 use std::fs;
 
@@ -59,7 +59,7 @@ fn the_version_is_that_of_the_package() {
 }
 
 #[test]
-fn wrong_use_exits_2_and_says_what_is_known() {
+fn wrong_use_exits_with_2_and_names_the_mistake() {
     let cases: [(&[&str], &str); 8] = [
         (&[], "Usage: boresight"),
         (&["calibrat"], "'calibrate'"),
@@ -107,7 +107,7 @@ fn a_mistyped_key_is_named_with_file_line_and_the_nearest_key() {
 }
 
 #[test]
-fn errors_are_one_json_document_where_json_is_asked_for() {
+fn with_json_an_error_is_one_json_document() {
     let folder = project_of_logs();
     change_project(folder.path(), "lever_arm_m", "leverarm_m");
     let run = on_project(folder.path(), "run", &["--json"]);

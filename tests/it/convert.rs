@@ -1,4 +1,4 @@
-//! `boresight convert`: what a run writes, in the formats of other programs and back.
+//! `boresight convert`: the results of a run in the formats of other programs and back.
 
 use std::fs;
 use std::path::Path;
@@ -16,8 +16,8 @@ fn converted(folder: &Path, input: &str, output: &str, more: &[&str]) -> String 
 }
 
 #[test]
-fn what_a_run_writes_is_read_back_from_every_format() {
-    let (_kept, drive) = simulated();
+fn results_of_a_run_are_read_back_from_every_format() {
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "georeference", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let run = on_project(&drive, "trajectory", &[]);
@@ -34,22 +34,22 @@ fn what_a_run_writes_is_read_back_from_every_format() {
     };
     for name in ["a.las", "a.laz", "a.copc.laz", "a.e57", "a.ply", "a.csv"] {
         converted(&out, "cloud-left.laz", name, &[]);
-        let found = read_cloud(&out.join(name)).unwrap();
-        assert_eq!(sorted(&found.points), sorted(&cloud.points), "{name}");
-        let mut times = found.time_s;
+        let back = read_cloud(&out.join(name)).unwrap();
+        assert_eq!(sorted(&back.points), sorted(&cloud.points), "{name}");
+        let mut times = back.time_s;
         times.sort_by(f64::total_cmp);
-        // The reader of E57 gives none.
+        // The reader of E57 gives no times.
         assert!(name == "a.e57" || times == cloud.time_s, "{name}");
     }
     if cfg!(feature = "parquet") {
         converted(&out, "cloud-left.laz", "a.parquet", &[]);
-        let found = read_cloud(&out.join("a.parquet")).unwrap();
-        assert_eq!(found, cloud);
+        let back = read_cloud(&out.join("a.parquet")).unwrap();
+        assert_eq!(back, cloud);
         converted(&out, "trajectory.csv", "t.parquet", &[]);
         let poses = read_trajectory(&out.join("t.parquet")).unwrap();
         assert_eq!(poses, read_trajectory(&out.join("trajectory.csv")).unwrap());
     }
-    // The values have one name each.
+    // The values have the same names in every format.
     for name in ["a.laz", "a.copc.laz"] {
         let columns = inspect(&out.join(name)).unwrap().to_string();
         assert!(
@@ -86,8 +86,8 @@ fn what_a_run_writes_is_read_back_from_every_format() {
         let run = on_project(&drive, "calibrate", &[]);
         assert_eq!(run.code, 0, "{}", run.err);
         for target in ["m.urdf", "m.launch.py", "m.yaml"] {
-            let said = converted(&out, name, target, &["--body", "base"]);
-            assert!(said.contains("2 scanners on a body with"), "{said}");
+            let summary = converted(&out, name, target, &["--body", "base"]);
+            assert!(summary.contains("2 scanners on a body with"), "{summary}");
             let text = fs::read_to_string(out.join(target)).unwrap();
             assert!(
                 ["base", "left", "right"]
@@ -104,9 +104,9 @@ fn what_a_run_writes_is_read_back_from_every_format() {
     }
 }
 
-/// Unix times are those of the logs again behind LAZ, which has GPS time; mountings turn with the body.
+/// Unix times return from LAZ, which stores GPS time; mountings turn with the axes of the body.
 #[test]
-fn times_and_axes_come_back() {
+fn times_are_converted_there_and_back_and_mountings_follow_the_body_axes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let rows = ["1,2,3,1763900000.25", "1.5,2,3,1763900000.5"];
@@ -129,7 +129,7 @@ fn times_and_axes_come_back() {
         }
     }
 
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let matrix = |more: &[&str]| {
         converted(
             &drive,
@@ -162,28 +162,28 @@ fn times_and_axes_come_back() {
 }
 
 #[test]
-fn what_cannot_be_written_is_said() {
-    let (_kept, drive) = simulated();
-    let says = |arguments: &[&str], expected: &[&str]| {
+fn conversions_that_are_not_possible_are_refused_with_the_reason() {
+    let (_temp, drive) = simulated();
+    let refuses = |arguments: &[&str], expected: &[&str]| {
         let error = refused(&drive, arguments).err;
         for word in expected {
             assert!(error.contains(word), "{error}");
         }
     };
-    says(
+    refuses(
         &["convert", "./left.bin", "./left.e57"],
         &["left.e57", ".copc.laz"],
     );
-    says(&["convert", "./missing.laz", "./a.ply"], &["missing.laz"]);
-    says(
+    refuses(&["convert", "./missing.laz", "./a.ply"], &["missing.laz"]);
+    refuses(
         &["convert", "./project.toml", "./a.json"],
         &["left, right", "--scanner"],
     );
-    says(
+    refuses(
         &["convert", "./truth/trajectory.csv", "./a.sbet"],
         &["trajectory.csv", "--crs"],
     );
-    says(
+    refuses(
         &[
             "convert",
             "./truth/trajectory.csv",
@@ -193,7 +193,7 @@ fn what_cannot_be_written_is_said() {
         ],
         &["EPSG:4326"],
     );
-    says(
+    refuses(
         &[
             "convert",
             "./truth/trajectory.csv",
@@ -201,15 +201,15 @@ fn what_cannot_be_written_is_said() {
         ],
         &["is an input"],
     );
-    says(
+    refuses(
         &["convert", "./imu.csv", "./imu.urdf"],
         &["imu.csv: ", "cannot be written as"],
     );
-    says(
+    refuses(
         &["convert", "./project.toml", "./a.json", "--scanner", "top"],
         &["no scanner `top`, only left, right"],
     );
-    says(
+    refuses(
         &[
             "convert",
             "./truth/trajectory.csv",

@@ -1,4 +1,4 @@
-//! The drift watch on simulated days in a field, whose right scanner is knocked on one of them.
+//! The drift watch on simulated days in a field; on one day the right scanner is knocked.
 
 use crate::common::field_days::{FieldDay, Knock, date, scenario};
 use boresight::drift::{Chart, ChartSettings, Overlap};
@@ -8,11 +8,11 @@ const DAYS: u64 = 5;
 const KNOCKED: u64 = 4;
 
 #[test]
-fn a_day_in_the_field_tells_the_mounting_within_its_sigmas() {
+fn a_day_in_the_field_gives_the_relative_mounting_within_its_sigmas() {
     let folder = tempfile::tempdir().unwrap();
     let day = FieldDay::new(scenario(40, 1, 1), None, folder.path()).unwrap();
-    let found = day.overlap().unwrap();
-    let right = &found.scanners[0];
+    let overlap = day.overlap().unwrap();
+    let right = &overlap.scanners[0];
     for (i, sigma) in right.sigma().iter().enumerate() {
         let (error, sigma) = (right.offset[i] - day.truth[i], sigma.unwrap());
         assert!(error.abs() < 4.0 * sigma, "{i}: {error} ± {sigma}");
@@ -21,7 +21,7 @@ fn a_day_in_the_field_tells_the_mounting_within_its_sigmas() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn a_knock_is_found_on_its_day_within_its_sigmas() {
+fn a_knock_is_detected_on_its_day_and_measured_within_its_sigmas() {
     let knock = Knock {
         shift_m: [0.0, 0.0, 0.002],
         turn_deg: [0.1, 0.0, 0.0],
@@ -32,16 +32,16 @@ fn a_knock_is_found_on_its_day_within_its_sigmas() {
         let folder = tempfile::tempdir().unwrap();
         let knock = (day >= KNOCKED).then_some(&knock);
         let field = FieldDay::new(scenario(40, day, 1), knock, folder.path()).unwrap();
-        let found = field.overlap().unwrap();
-        let right = &found.scanners[0];
+        let overlap = field.overlap().unwrap();
+        let right = &overlap.scanners[0];
         for (i, sigma) in right.sigma().iter().enumerate() {
             let sigma = sigma.unwrap();
             squares += ((right.offset[i] - field.truth[i]) / sigma).powi(2);
             count += 1.0;
         }
         truths.push(field.truth);
-        // As it goes from one process to another.
-        let text = serde_json::to_string(&found).unwrap();
+        // As JSON, which is how it passes from one process to another.
+        let text = serde_json::to_string(&overlap).unwrap();
         days.push((date(day), serde_json::from_str(&text).unwrap()));
     }
     // Thirty ratios with a few tens of degrees of freedom each: 0.7 to 1.4 by chance.
@@ -61,14 +61,14 @@ fn a_knock_is_found_on_its_day_within_its_sigmas() {
     assert_eq!(off.since, "2025-05-04");
     let (before, after) = (truths[0], truths[KNOCKED as usize]);
     for (i, (before, after)) in before.iter().zip(&after).enumerate() {
-        let (found, sigma) = (off.offset[i].unwrap(), off.sigma[i].unwrap());
+        let (offset, sigma) = (off.offset[i].unwrap(), off.sigma[i].unwrap());
         let truth = after - before;
         assert!(
-            (found - truth).abs() < 4.0 * sigma,
-            "{i}: {found} ± {sigma}, true {truth}"
+            (offset - truth).abs() < 4.0 * sigma,
+            "{i}: {offset} ± {sigma}, true {truth}"
         );
     }
-    // What the knock does to points about 1.3 m below: 2 mm, and 0.1° times their distance across.
+    // The effect of the knock on points about 1.3 m below: 2 mm, and 0.1° times their lateral distance.
     let cost = &right.alarms[0].cost;
     assert!((1.5e-3..4.5e-3).contains(&cost.total_m), "{cost:?}");
     assert!(
@@ -78,11 +78,11 @@ fn a_knock_is_found_on_its_day_within_its_sigmas() {
 }
 
 #[test]
-fn one_scanner_is_no_pair() {
+fn a_single_scanner_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut day = scenario(40, 1, 1);
     day.scanners.truncate(1);
-    // The twin of a day knows the right scanner: this one has none.
+    // Not with `FieldDay`, which needs the right scanner.
     let files = boresight::simulation::simulate(&day, folder.path(), &boresight::progress::Silent);
     let project = boresight::project::Project::read(&files.unwrap().drives[0].project).unwrap();
     match boresight::pipeline::overlap(&project, &boresight::progress::Silent) {

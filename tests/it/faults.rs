@@ -1,4 +1,4 @@
-//! Bad input ends in one clear error: through the real binary.
+//! Bad input ends in one clear error, tested with the real binary.
 
 use std::fmt::Write;
 use std::fs;
@@ -33,7 +33,7 @@ fn shift_times(folder: &Path, name: &str, shift_s: f64) {
     });
 }
 
-/// The run failed with one error that holds every one of `expected`, and left no result.
+/// Asserts that the run failed with one error that contains every one of `expected`, and left no result.
 fn assert_one_error(folder: &Path, run: &Run, expected: &[&str]) {
     run.assert_failed_with(expected);
     assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
@@ -63,11 +63,11 @@ fn a_prism_log_that_does_not_overlap_the_imu_is_named_with_the_gap() {
 }
 
 #[test]
-fn a_time_offset_of_the_project_mends_what_does_not_overlap() {
+fn a_time_offset_in_the_project_makes_the_logs_overlap() {
     let folder = project_of_logs();
     shift_times(folder.path(), "prism.csv", 1000.0);
-    let mended = "file = \"prism.csv\"\ntime_offset_s = -1000.0";
-    change_project(folder.path(), "file = \"prism.csv\"", mended);
+    let with_offset = "file = \"prism.csv\"\ntime_offset_s = -1000.0";
+    change_project(folder.path(), "file = \"prism.csv\"", with_offset);
     let run = on_project(folder.path(), "trajectory", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(folder.path().join("out/trajectory.csv").exists());
@@ -130,7 +130,7 @@ fn a_reference_without_points_is_named() {
 }
 
 #[test]
-fn a_value_that_is_no_number_is_named_with_file_and_line() {
+fn a_value_that_is_not_a_number_is_named_with_file_and_line() {
     for (name, line) in [("imu.csv", 700), ("prism.csv", 77), ("left.csv", 5000)] {
         for bad in ["nan", "inf", "", "1.2.3"] {
             let folder = project_of_logs();
@@ -182,9 +182,9 @@ fn a_log_that_ends_in_the_middle_of_a_row_is_named() {
     assert_one_error(folder.path(), &run, &["imu.csv, line 1501"]);
 }
 
-/// A run ends on its own, whatever the data: here within a minute.
+/// A run ends by itself, whatever the data; here within a minute.
 #[test]
-fn a_scene_that_determines_nothing_ends() {
+fn a_run_on_a_scene_that_determines_nothing_ends() {
     let folder = project_of_logs();
     let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args([

@@ -1,4 +1,4 @@
-//! `boresight features`: in one piece and tile by tile, through the real binary.
+//! `boresight features`: in one piece and tile by tile; partly with the real binary.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ use boresight::tiles::{self, TileStore};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
+fn clouds_hard_to_tile() -> Vec<(&'static str, Vec<Vec3>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let mut uniform = |n: usize, size: f64| -> Vec<Vec3> {
         (0..n)
@@ -39,14 +39,14 @@ fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
             Vec3::new(0.25 * column, 0.25 * row, 0.0)
         })
         .collect();
-    // Each point many times, in no order.
+    // Each point many times, in mixed order.
     let mut duplicates = Vec::new();
     for (i, p) in uniform(250, 3.0).iter().enumerate() {
         duplicates.extend(std::iter::repeat_n(*p, 1 + i % 23));
     }
     let n = duplicates.len();
     let duplicates = (0..n).map(|i| duplicates[i * 7919 % n]).collect();
-    // A mast: no tile can cut it.
+    // A mast, which no tile border can divide.
     let mut mast: Vec<Vec3> = (0..900)
         .map(|i| Vec3::new(5.0, 5.0, 0.01 * f64::from(i)))
         .collect();
@@ -65,11 +65,11 @@ fn clouds_hard_to_cut() -> Vec<(&'static str, Vec<Vec3>)> {
 }
 
 #[test]
-fn tiles_give_the_numbers_of_one_piece() {
+fn tiles_give_the_same_numbers_as_one_piece() {
     let folder = tempfile::tempdir().unwrap();
     let mut deferred = 0;
-    for (name, points) in clouds_hard_to_cut() {
-        for of in [
+    for (name, points) in clouds_hard_to_tile() {
+        for neighbourhood in [
             Neighbourhood::Nearest(1),
             Neighbourhood::Nearest(12),
             Neighbourhood::Nearest(50),
@@ -77,7 +77,7 @@ fn tiles_give_the_numbers_of_one_piece() {
         ] {
             let copy = |_: usize, near: &Surroundings| *near;
             let whole = NeighbourIndex::new(&points)
-                .surroundings(&points, of, &Silent, copy)
+                .surroundings(&points, neighbourhood, &Silent, copy)
                 .unwrap();
             for most in [150, 700, 100_000] {
                 let place = folder.path().join("tiles");
@@ -85,36 +85,34 @@ fn tiles_give_the_numbers_of_one_piece() {
                     points.chunks(1000).try_for_each(&mut *each)
                 })
                 .unwrap();
-                let mut found = vec![None; points.len()];
+                let mut results = vec![None; points.len()];
                 let take = |index: u64, near: Surroundings| {
                     assert!(
-                        found[index as usize].replace(near).is_none(),
+                        results[index as usize].replace(near).is_none(),
                         "{name}: twice"
                     );
                     Ok(())
                 };
                 let work =
-                    tiles::surroundings(&store, of, most, &Silent, |near| *near, take).unwrap();
+                    tiles::surroundings(&store, neighbourhood, most, &Silent, |near| *near, take)
+                        .unwrap();
                 assert!(most > 700 || points.len() < 100 || work.tiles > 1, "{name}");
                 deferred += work.deferred;
-                for (index, (found, expected)) in found.iter().zip(&whole).enumerate() {
+                for (index, (result, expected)) in results.iter().zip(&whole).enumerate() {
                     assert_eq!(
-                        found.as_ref(),
+                        result.as_ref(),
                         Some(expected),
-                        "{name}, {of:?}, {} tiles, point {index}",
+                        "{name}, {neighbourhood:?}, {} tiles, point {index}",
                         work.tiles
                     );
                 }
             }
         }
     }
-    assert!(
-        deferred > 100,
-        "the last resort was tried on {deferred} points only"
-    );
+    assert!(deferred > 100, "only {deferred} points were deferred");
 }
 
-/// A surface of `n` points with outliers, written as LAZ with a dimension of its own.
+/// Writes a surface of `n` points with outliers as LAZ with an extra dimension.
 fn write_surface(path: &Path, n: usize) {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let mut points: Vec<Vec3> = (0..n)
@@ -124,7 +122,7 @@ fn write_surface(path: &Path, n: usize) {
             Vec3::new(5000.0 + x, 7000.0 + y, 100.0 + z)
         })
         .collect();
-    // Far beside, and high above the middle, where every tile is left behind.
+    // One point far to the side, and one high above the middle, whose neighbours lie beyond any halo.
     points.push(Vec3::new(9000.0, 7000.0, 150.0));
     points.push(Vec3::new(5010.0, 7002.5, 150.0));
     let cloud = PointCloud {
@@ -189,7 +187,7 @@ fn bytes_do_not_depend_on_tiles_or_threads() {
 }
 
 #[test]
-fn the_file_carries_what_it_had_and_the_features() {
+fn the_output_has_all_fields_of_the_input_and_the_features() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("surface.laz");
     write_surface(&input, 3000);
@@ -216,7 +214,7 @@ fn the_file_carries_what_it_had_and_the_features() {
             "normal_z"
         ]
     );
-    // Once more, on its own output: dimensions are replaced, not doubled.
+    // Applied to the output again: dimensions are replaced, not duplicated.
     let again = folder.path().join("again");
     let run = features(&output, &again, &["--features", "omnivariance,radius"]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -226,7 +224,7 @@ fn the_file_carries_what_it_had_and_the_features() {
 }
 
 #[test]
-fn the_truck_keeps_its_dimensions() {
+fn extra_dimensions_of_the_input_are_retained() {
     let truck = common::data("boresight_truck/Truck.adc.laz");
     let folder = tempfile::tempdir().unwrap();
     let run = features(&truck, folder.path(), &["--neighbours", "20"]);
@@ -243,7 +241,7 @@ fn the_truck_keeps_its_dimensions() {
     let n = before.columns.len();
     assert_eq!(after.columns[..n], before.columns);
     assert_eq!(after.columns.len(), n + 9);
-    // The pose beside each point is still found and the same.
+    // The pose of each point can still be read, and is the same.
     assert_eq!(
         format::read_trajectory(&output).unwrap(),
         format::read_trajectory(&truck).unwrap()
@@ -251,7 +249,7 @@ fn the_truck_keeps_its_dimensions() {
 }
 
 #[test]
-fn text_clouds_work_in_one_piece_and_in_tiles() {
+fn text_clouds_give_the_same_features_in_one_piece_and_in_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("grid.xyz");
     let mut text = String::new();
@@ -264,16 +262,16 @@ fn text_clouds_work_in_one_piece_and_in_tiles() {
         ));
     }
     fs::write(&input, text).unwrap();
-    let mut found = Vec::new();
+    let mut outputs = Vec::new();
     for more in [
         &["--radius-m", "1.5"][..],
         &["--radius-m", "1.5", "--memory-mb", "1"],
     ] {
         let run = features(&input, &folder.path().join("out"), more);
         assert_eq!(run.code, 0, "{}", run.err);
-        found.push(fs::read(folder.path().join("out/grid-features.laz")).unwrap());
+        outputs.push(fs::read(folder.path().join("out/grid-features.laz")).unwrap());
     }
-    assert!(found[0] == found[1]);
+    assert!(outputs[0] == outputs[1]);
 }
 
 #[test]
@@ -327,7 +325,7 @@ fn wrong_use_and_bad_files_end_in_one_error() {
             names(&out)
         );
     }
-    // Content that still decodes may be accepted; it must not leave half of anything.
+    // Damaged content that still decodes may be accepted; there must be no incomplete file.
     fs::write(&damaged, changed).unwrap();
     let run = features(&damaged, &out, &["--memory-mb", "1"]);
     let left = if run.code == 0 {
@@ -336,7 +334,7 @@ fn wrong_use_and_bad_files_end_in_one_error() {
         vec!["log.txt"]
     };
     assert_eq!(names(&out), left, "{}", run.err);
-    // In place of itself.
+    // The output would replace the input.
     fs::copy(&input, out.join("a-features.laz")).unwrap();
     fs::copy(&input, out.join("a.laz")).unwrap();
     let link = folder.path().join("a.laz");
@@ -350,7 +348,7 @@ fn wrong_use_and_bad_files_end_in_one_error() {
 }
 
 #[test]
-fn more_neighbours_than_points_are_said_and_have_no_radius() {
+fn a_cloud_with_fewer_points_than_neighbours_gives_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("few.xyz");
     fs::write(&input, "0 0 0\n1 0 0\n0 1 0\n1 1 0.5\n").unwrap();

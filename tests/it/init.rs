@@ -1,4 +1,4 @@
-//! Projects made from the files of a folder, through the real binary.
+//! Projects made from the files of a folder, with the real binary.
 
 use std::fmt::Write;
 use std::fs;
@@ -12,7 +12,7 @@ fn init(folder: &Path) -> common::Run {
     boresight(&["init", folder.to_str().unwrap()])
 }
 
-/// Ten columns of the group that made FieldPheno4D, every other pose from `first` on.
+/// Writes a trajectory with the ten columns of FieldPheno4D: every other pose from `first` on.
 fn write_trj(drive: &Path, first: usize, to: &Path) {
     let poses = read_trajectory(&drive.join("truth/trajectory.csv")).unwrap();
     let mut text = String::from("# time x y z vx vy vz roll pitch yaw\n");
@@ -27,9 +27,9 @@ fn write_trj(drive: &Path, first: usize, to: &Path) {
 }
 
 #[test]
-fn a_folder_of_fieldpheno4d_is_georeferenced_without_a_key_typed() {
-    let (kept, drive) = simulated();
-    let plot = kept.path().join("Plot01/230516");
+fn a_folder_of_fieldpheno4d_is_georeferenced_without_editing_the_project() {
+    let (temp, drive) = simulated();
+    let plot = temp.path().join("Plot01/230516");
     let [profiles, trajectory] = ["01_laserprofiles", "02_trajectory"].map(|name| plot.join(name));
     fs::create_dir_all(&profiles).unwrap();
     fs::create_dir_all(&trajectory).unwrap();
@@ -48,11 +48,12 @@ fn a_folder_of_fieldpheno4d_is_georeferenced_without_a_key_typed() {
         "{}",
         made.out
     );
-    let found = Project::read(&plot.join("project.toml")).unwrap();
-    let scanners: Vec<&str> = found.scanners.iter().map(|s| s.name.as_str()).collect();
+    let initialised = Project::read(&plot.join("project.toml")).unwrap();
+    let scanners = initialised.scanners.iter();
+    let scanners: Vec<&str> = scanners.map(|s| s.name.as_str()).collect();
     assert_eq!(scanners, ["left", "right"]);
-    for (made, given) in found.scanners.iter().zip(&project.scanners) {
-        let (turn, shift) = made
+    for (read, given) in initialised.scanners.iter().zip(&project.scanners) {
+        let (turn, shift) = read
             .body_from_scanner
             .perturbation_from(&given.body_from_scanner);
         assert!(turn.norm() < 1e-7 && shift.norm() < 1e-6);
@@ -65,15 +66,15 @@ fn a_folder_of_fieldpheno4d_is_georeferenced_without_a_key_typed() {
         written.contains(&"cloud-left.laz".to_owned()),
         "{written:?}"
     );
-    // What is there is not replaced unasked.
+    // An existing project is not replaced without `--force`.
     let again = init(&plot);
     assert_eq!(again.code, 1);
     assert!(again.err.contains("--force to replace it"), "{}", again.err);
 }
 
 #[test]
-fn a_folder_of_logs_asks_only_for_what_files_cannot_tell() {
-    let (_kept, drive) = simulated();
+fn a_project_of_a_folder_of_logs_lacks_only_the_values_that_files_do_not_contain() {
+    let (_temp, drive) = simulated();
     let given = Project::read(&drive.join("project.toml")).unwrap();
     let by_tape = fs::read_to_string(drive.join("project.toml")).unwrap();
     fs::remove_file(drive.join("project.toml")).unwrap();
@@ -85,7 +86,7 @@ fn a_folder_of_logs_asks_only_for_what_files_cannot_tell() {
         "{}",
         made.out
     );
-    // What is missing is named by the run, with its line.
+    // The error of a run names the missing value, with its line.
     let path = drive.join("project.toml");
     let run = || boresight(&["inspect", path.to_str().unwrap()]);
     assert!(run().err.contains("lever_arm_m"), "{}", run().err);
@@ -111,15 +112,15 @@ fn a_folder_of_logs_asks_only_for_what_files_cannot_tell() {
             .collect::<Vec<_>>()
             .join("\n")
     });
-    let found = Project::read(&path).unwrap();
-    let [found, given] = [&found, &given].map(|project| {
+    let completed = Project::read(&path).unwrap();
+    let [completed, given] = [&completed, &given].map(|project| {
         let mut inputs = project.inputs();
         // The reference lies beside the drive.
         inputs.retain(|path| !path.ends_with("tls.laz"));
         inputs.sort();
         inputs
     });
-    assert_eq!(found, given);
+    assert_eq!(completed, given);
 }
 
 #[test]
@@ -138,7 +139,7 @@ fn folders_without_a_scanner_are_refused() {
 }
 
 #[test]
-fn recordings_alone_are_no_project_yet() {
+fn recordings_alone_give_an_incomplete_project() {
     let folder = tempfile::tempdir().unwrap();
     let bag = common::data("ros").join("plain.mcap");
     fs::copy(bag, folder.path().join("drive.mcap")).unwrap();

@@ -1,4 +1,4 @@
-//! What a project may name as input, and how it is told, through the binary.
+//! The inputs that a project may name, and how they are reported, tested with the binary.
 
 use std::fmt::Write;
 use std::fs;
@@ -13,8 +13,8 @@ use boresight::geometry::Projection;
 const PRISM: &str = "[prism]\nfile = \"prism.csv\"\nlever_arm_m = [0.10, 0.05, -0.55]\n";
 const STATION: [f64; 3] = [-7.0, 12.0, 1.5];
 
-/// Writes the coordinates of `prism.csv` as polar observations from [`STATION`], horizontal zero
-/// at azimuth 30°, zenith angles, with rows without a range on lines 50 and 100.
+/// Writes the coordinates of `prism.csv` as polar observations from [`STATION`], with horizontal zero at
+/// azimuth 30°, zenith angles, and rows without a range on lines 50 and 100.
 fn write_polar(folder: &Path) {
     let mut polar = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status\n".to_owned();
     for cells in numbers(&folder.join("prism.csv")) {
@@ -35,7 +35,7 @@ fn poses(folder: &Path) -> Vec<Vec<f64>> {
     numbers(&folder.join("out/trajectory.csv"))
 }
 
-/// The prism of the project, far from the world's zero, as a table and as NMEA sentences.
+/// Writes the prism positions of the project, moved far from the origin, as a table and as NMEA sentences.
 fn write_antenna(folder: &Path) {
     let crs = Projection::new("EPSG:25832").unwrap();
     let mut table = "time_s,east_m,north_m,up_m\n".to_owned();
@@ -66,7 +66,7 @@ fn write_antenna(folder: &Path) {
     fs::write(folder.join("antenna.nmea"), log).unwrap();
 }
 
-/// Seconds from 1970 to the noon at which the antenna's log begins.
+/// Unix time of the noon at which the log of the antenna begins, seconds.
 const NOON_S: f64 = 1_795_435_200.0;
 
 #[test]
@@ -98,19 +98,19 @@ fn latitudes_and_longitudes_are_projected_into_the_world() {
     );
     let run = on_project(folder, "trajectory", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
-    for (found, expected) in poses(folder).iter().zip(&expected) {
+    for (pose, expected) in poses(folder).iter().zip(&expected) {
         // Heights have four decimals; Unix times are exact to 0.2 µs.
         for column in 0..4 {
-            assert!((found[column] - expected[column]).abs() < 1e-4, "{found:?}");
+            assert!((pose[column] - expected[column]).abs() < 1e-4, "{pose:?}");
         }
     }
 }
 
 #[test]
-fn polar_observations_give_the_trajectory_that_coordinates_give() {
+fn polar_observations_give_the_same_trajectory_as_coordinates() {
     let folder = project_of_logs();
     let folder = folder.path();
-    // Far-off instruments see alike in all directions: the noise is the prism's 5 mm in both.
+    // The observations are nearly exact, so that the noise is the prism's 5 mm in both cases.
     change_project(
         folder,
         PRISM,
@@ -131,8 +131,8 @@ fn polar_observations_give_the_trajectory_that_coordinates_give() {
     let polar = poses(folder);
     assert_eq!(polar.len(), cartesian.len());
     for (a, b) in polar.iter().zip(&cartesian) {
-        // Coordinates in the log are rounded to 0.1 mm in both alike; what differs is rounding of
-        // the last bits and where the solver stops.
+        // Coordinates are rounded to 0.1 mm in both logs; the difference is rounding of the last bits and
+        // the point at which the solver stops.
         let off = (1..4).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
         assert!(off < 1e-6, "{off} at {}", a[0]);
     }
@@ -169,7 +169,7 @@ fn a_polar_log_without_an_instrument_is_an_error() {
 }
 
 #[test]
-fn inspect_tells_all_of_the_sensors_with_units() {
+fn inspect_reports_all_settings_of_the_sensors_with_units() {
     let folder = project_of_logs();
     let folder = folder.path();
     write_polar(folder);
@@ -223,7 +223,7 @@ fn inspect_tells_all_of_the_sensors_with_units() {
 }
 
 #[test]
-fn an_unknown_constant_is_named_with_the_nearest() {
+fn an_unknown_constant_is_named_with_the_known_ones() {
     let folder = project_of_logs();
     let estimate =
         format!("{PRISM}[trajectory]\nestimate = [\"prism.latency\", \"prism.timeoffset\"]\n");
@@ -244,7 +244,7 @@ fn an_unknown_constant_is_named_with_the_nearest() {
     );
 }
 
-/// Poses of the drive at 10 Hz, with position sigmas of 1 mm, and of 50 mm from 5 s to 8 s.
+/// Replaces the logs by poses at 10 Hz, with position sigmas of 1 mm, and of 50 mm from 5 s to 8 s.
 fn with_poses(folder: &Path, sigmas: bool, tables: &str) {
     let mut text = "time_s,east_m,north_m,up_m,qx,qy,qz,qw".to_owned();
     if sigmas {
@@ -265,7 +265,7 @@ fn with_poses(folder: &Path, sigmas: bool, tables: &str) {
     replace_logs(folder, &poses);
 }
 
-/// How many points the scanner's cloud holds.
+/// The number of points in the scanner's cloud.
 fn placed(folder: &Path) -> u64 {
     let cloud = folder.join("out/cloud-left.laz");
     let run = boresight(&["inspect", cloud.to_str().unwrap(), "--json"]);
@@ -274,18 +274,18 @@ fn placed(folder: &Path) -> u64 {
 }
 
 #[test]
-fn points_whose_pose_is_not_known_well_enough_are_not_placed() {
+fn points_with_poses_beyond_the_limits_of_sigma_are_left_out() {
     let folder = project_of_logs();
     let folder = folder.path();
     with_poses(folder, true, "");
     let run = on_project(folder, "georeference", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
-    // 250 profiles from 1.0 s on, ten a second, with 41 points.
+    // 250 profiles from 1.0 s on, ten per second, with 41 points.
     assert_eq!(placed(folder), 250 * 41);
     assert!(!run.err.contains("left out"), "{}", run.err);
 
-    // Profiles sit on the nodes: an interval from 4.9 s touches the bad node at 5 s, that from
-    // 8.0 s starts at one, so 4.9 s to 8.0 s are refused: 32 profiles.
+    // Profiles are at the times of the nodes: the interval from 4.9 s ends at the bad node at 5 s, and the
+    // one from 8.0 s starts at one, so that 4.9 s to 8.0 s are left out: 32 profiles.
     with_poses(folder, true, "max_sigma_position_m = 0.01");
     let run = on_project(folder, "georeference", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -313,7 +313,7 @@ fn points_whose_pose_is_not_known_well_enough_are_not_placed() {
 }
 
 #[test]
-fn a_bound_on_poses_without_sigmas_is_an_error() {
+fn a_limit_of_pose_sigmas_needs_poses_with_sigmas() {
     let folder = project_of_logs();
     let folder = folder.path();
     with_poses(folder, false, "max_sigma_position_m = 0.01");

@@ -1,4 +1,4 @@
-//! `boresight inspect` through the real binary.
+//! `boresight inspect`, tested with the real binary.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::common::{boresight, on_project, project_of_logs, rewrite_project};
 
 #[test]
-fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
+fn inspect_reports_every_value_with_its_unit_and_the_steps_of_a_run() {
     let folder = project_of_logs();
     let run = on_project(folder.path(), "inspect", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -28,22 +28,25 @@ fn inspect_tells_every_value_with_its_unit_and_what_will_be_done() {
 }
 
 #[test]
-fn inspect_tells_what_the_joint_adjustment_assumes() {
+fn inspect_reports_the_assumptions_of_the_joint_adjustment() {
     let folder = project_of_logs();
     let inspected = || {
         let run = on_project(folder.path(), "inspect", &[]);
         assert_eq!(run.code, 0, "{}", run.err);
         run.out
     };
-    let said = |expected: &[&str]| {
+    let assert_lines = |expected: &[&str]| {
         let out = inspected();
-        for line in expected {
-            assert!(out.lines().any(|found| found == *line), "{line}\n{out}");
+        for expected in expected {
+            assert!(
+                out.lines().any(|line| line == *expected),
+                "{expected}\n{out}"
+            );
         }
     };
     let joint = "  method                  joint: one adjustment of trajectory and mountings, after \
                  two steps";
-    said(&[
+    assert_lines(&[
         joint,
         "  size of surfels         ten times the finest voxel",
         "  iterations              at most 50",
@@ -55,7 +58,7 @@ fn inspect_tells_what_the_joint_adjustment_assumes() {
     rewrite_project(folder.path(), |text| {
         format!("{text}[reference]\nfile = \"tls.csv\"\n")
     });
-    said(&[
+    assert_lines(&[
         "  sigma of its shift      2 mm (assumed)",
         "  sigma of its tilt       0.005° (assumed)",
     ]);
@@ -72,7 +75,7 @@ fn inspect_tells_what_the_joint_adjustment_assumes() {
              [[drive]]\nname = \"second\"\nproject = \"other.toml\"\n\
              [[drive]]\nname = \"third\"\nproject = \"third.toml\"\n"
     });
-    said(&[
+    assert_lines(&[
         joint,
         "  lasting errors          1, 1, 2 mm (east, north, up) over 40 s (correlation time)",
         "  estimated               time offset, besides the mounting",
@@ -92,11 +95,11 @@ fn inspect_tells_what_the_joint_adjustment_assumes() {
          [reference]\nfile = \"tls.csv\"\n[calibration]\nmethod = \"two-step\"\n"
             .into()
     });
-    said(&[
+    assert_lines(&[
         "  errors last             2.5 s (correlation time)",
         "  method                  two steps: reweighted least squares on the estimated trajectory",
     ]);
-    // Two steps assume nothing of the reference.
+    // Two steps make no assumption about the reference.
     let out = inspected();
     assert!(
         !out.contains("assumed") && !out.contains("surfels"),
@@ -117,7 +120,7 @@ fn inspect_as_json_gives_the_resolved_project() {
 }
 
 #[test]
-fn inspect_tells_what_a_log_holds() {
+fn inspect_reports_the_content_of_a_log() {
     let folder = project_of_logs();
     let imu = folder.path().join("imu.csv");
     let prism = folder.path().join("prism.csv");
@@ -140,7 +143,7 @@ fn inspect_tells_what_a_log_holds() {
 }
 
 #[test]
-fn inspect_names_a_file_that_nothing_reads() {
+fn inspect_names_a_file_of_unknown_format() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notes.txt");
     fs::write(&path, "dear diary,\nit rained\n").unwrap();
@@ -185,22 +188,22 @@ fn noise_figures_of_a_static_log_can_be_pasted_into_a_project() {
     static_log(&log, 200);
     let run = boresight(&["inspect", "--allan", log.to_str().unwrap(), "--json"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let found: serde_json::Value = serde_json::from_str(&run.out).unwrap();
-    let found = &found["files"][0];
-    let pasted = found["imu_toml"].as_str().unwrap();
-    // 20,000 samples give a density to 1 %, the noisiest of three axes lies above by as much.
+    let document: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    let log_report = &document["files"][0];
+    let pasted = log_report["imu_toml"].as_str().unwrap();
+    // 20,000 samples give a density to 1 %; the noisiest of three axes is above it by about as much.
     let expected = [
         ("gyro_noise_deg_sqrt_h", 4.4e-5f64.to_degrees() * 60.0),
         ("accel_noise_ug_sqrt_hz", 5.6e-4 / 9.80665e-6),
     ];
     for (key, truth) in expected {
-        let value = found["figures"][key]["recommended"].as_f64().unwrap();
+        let value = log_report["figures"][key]["recommended"].as_f64().unwrap();
         assert!(
             (value / truth - 1.0).abs() < 0.04,
             "{key}: {value}, {truth}"
         );
     }
-    // Minutes cannot show a bias instability: it stays a comment with a bound.
+    // A few minutes do not determine a bias instability: it remains a comment with a bound.
     let bound = "# gyro_bias_instability_deg_h: not determined by this log, at most ";
     assert!(pasted.contains(bound), "{pasted}");
 
@@ -213,8 +216,8 @@ fn noise_figures_of_a_static_log_can_be_pasted_into_a_project() {
     let project: serde_json::Value = serde_json::from_str(&run.out).unwrap();
     for (key, _) in expected {
         let resolved = project["files"][0]["project"]["imu"][key].as_f64().unwrap();
-        let value = found["figures"][key]["recommended"].as_f64().unwrap();
-        // Four digits are pasted.
+        let value = log_report["figures"][key]["recommended"].as_f64().unwrap();
+        // The figures have four digits.
         assert!(
             (resolved / value - 1.0).abs() < 5e-4,
             "{key}: {resolved}, {value}"

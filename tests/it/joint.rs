@@ -1,4 +1,4 @@
-//! The joint adjustment of simulated drives: some of those of `examples/joint`, shorter.
+//! The joint adjustment of simulated drives: some cases of `examples/joint`, with shorter drives.
 
 use crate::common::joint_drive::{Run, Setup};
 use boresight::joint::{JointSettings, MountingMotion, Rung};
@@ -6,7 +6,7 @@ use boresight::nalgebra::DVector;
 use boresight::simulation::Scenario;
 
 #[test]
-fn errors_are_as_small_as_their_sigmas_and_far_below_those_of_two_steps() {
+fn errors_match_their_sigmas_and_are_far_below_those_of_two_steps() {
     let mut scenario = Scenario::demo();
     // East, west and south-east over four boards.
     scenario.drives[0].passes.truncate(7);
@@ -28,20 +28,20 @@ fn errors_are_as_small_as_their_sigmas_and_far_below_those_of_two_steps() {
     );
     assert!(run.refused.is_empty(), "{:?}", run.refused);
     assert!(normalised.amax() < 4.0 && relative.amax() < 4.0);
-    // 12 parameters: 1 drive in 10,000 lies beyond.
+    // 12 parameters: 1 drive in 10,000 exceeds this.
     assert!(chi_square < 39.1, "{chi_square}");
     assert!(run.one_piece.poses_m < 0.0009 && run.one_piece.points_m < 0.0007);
     assert!(run.one_piece.points_m < 0.5 * run.two_steps.points_m);
-    // Rotation about y: the tilt of the fan, which poses of two steps determine worst.
+    // Rotation about y is the tilt of the fan, which the poses of two steps determine worst.
     let about_y = |errors: &DVector<f64>| errors[4].hypot(errors[10]);
     assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
 }
 
-/// Soil that only overlaps itself, no boards and no reference, on a frame that bends by millimetres with roll,
-/// pitch and acceleration, and creeps by centimetres.
+/// Only overlapping soil, without boards and reference, and a frame that bends by millimetres with roll, pitch and
+/// acceleration, and creeps by centimetres.
 #[test]
 #[ignore = "just acceptance"]
-fn a_known_mounting_that_bends_is_found_without_a_reference() {
+fn the_bending_of_a_known_mounting_is_estimated_without_a_reference() {
     let mut scenario = Scenario::plain();
     scenario.drives[0].passes.truncate(4);
     scenario.deformation.enabled = true;
@@ -66,11 +66,11 @@ fn a_known_mounting_that_bends_is_found_without_a_reference() {
     assert!(run.refused.is_empty(), "{:?}", run.refused);
     assert_eq!(run.joint.rung, Rung::Compliance);
     assert!(before.points_m > 0.004 && before.gap_m > 0.003);
-    // The prism alone knows positions to a millimetre on so short a drive.
+    // On such a short drive the prism determines positions only to a millimetre.
     assert!(after.points_m < 0.4 * before.points_m && after.gap_m < 1e-4);
 }
 
-/// A frame that warms up in the sun, with a thermometer on it, and without.
+/// A frame that warms up in the sun, with and without a temperature log.
 #[test]
 #[ignore = "just acceptance"]
 fn a_frame_follows_the_temperature_of_its_log() {
@@ -109,7 +109,7 @@ fn a_frame_follows_the_temperature_of_its_log() {
     };
     let run = adjusted(true);
     assert!(run.refused.is_empty(), "{:?}", run.refused);
-    // As on a rigid frame.
+    // As accurate as on a rigid frame.
     assert!(run.one_piece.points_m < 0.0007 && run.two_steps.points_m > 0.001);
     // A line in time does not explain it.
     assert!(!adjusted(false).refused.is_empty());

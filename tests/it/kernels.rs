@@ -1,4 +1,4 @@
-//! Neighbours, voxels and structure tensor against slow, obvious references, and against another
+//! Neighbours, voxels and structure tensor, compared with slow, obvious references and with another
 //! program on the same data.
 
 use crate::common;
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Indices by squared distance, then index: the definition.
+/// Squared distances and indices, sorted by distance, then by index: the definition.
 fn brute_order(points: &[Vec3], query: &Vec3) -> Vec<(f64, u32)> {
     let mut all: Vec<(f64, u32)> = points
         .iter()
@@ -23,16 +23,16 @@ fn brute_order(points: &[Vec3], query: &Vec3) -> Vec<(f64, u32)> {
     all
 }
 
-/// The sums of both run in other orders: √n roundings of the largest entry, of offsets up to the
-/// reach, or of the mean's coordinates.
-fn check_tensor(found: &Surroundings, expected: &StructureTensor, reach_m: f64) {
-    assert_eq!(found.tensor.count, expected.count);
-    assert_eq!(found.reach_m.is_finite(), reach_m.is_finite());
+/// Both sum in different orders, which leaves √n roundings of the largest entry, of offsets up to the
+/// reach, or of the coordinates of the mean.
+fn check_tensor(near: &Surroundings, expected: &StructureTensor, reach_m: f64) {
+    assert_eq!(near.tensor.count, expected.count);
+    assert_eq!(near.reach_m.is_finite(), reach_m.is_finite());
     if reach_m.is_finite() {
-        assert!((found.reach_m - reach_m).abs() <= 4.0 * f64::EPSILON * reach_m);
+        assert!((near.reach_m - reach_m).abs() <= 4.0 * f64::EPSILON * reach_m);
     }
     if expected.count == 0 {
-        assert!(found.tensor.mean.iter().all(|x| x.is_nan()));
+        assert!(near.tensor.mean.iter().all(|x| x.is_nan()));
         return;
     }
     if !expected.covariance.trace().is_finite() {
@@ -40,13 +40,13 @@ fn check_tensor(found: &Surroundings, expected: &StructureTensor, reach_m: f64) 
     }
     let n = expected.count as f64;
     let tolerance = 8.0 * f64::EPSILON * n.sqrt();
-    let difference = (found.tensor.covariance - expected.covariance).norm();
+    let difference = (near.tensor.covariance - expected.covariance).norm();
     assert!(
         difference <= tolerance * 16.0 * expected.covariance.trace(),
         "{difference:e} of {:e}, {n} points",
         expected.covariance.trace()
     );
-    let shift = (found.tensor.mean - expected.mean).norm();
+    let shift = (near.tensor.mean - expected.mean).norm();
     assert!(
         shift <= tolerance * (expected.mean.norm() + expected.covariance.trace().sqrt()),
         "{shift:e}"
@@ -54,7 +54,7 @@ fn check_tensor(found: &Surroundings, expected: &StructureTensor, reach_m: f64) 
 }
 
 #[test]
-fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
+fn an_index_of_a_part_in_the_extent_of_the_whole_gives_the_same_bits() {
     for (name, points) in nasty_clouds() {
         let [low, high] = [f64::min, f64::max].map(|end| {
             points
@@ -71,7 +71,7 @@ fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
             }
             place
         };
-        // Every other part of the cloud along x, in which the rest is missing.
+        // The lower half of the cloud along x.
         let middle = (low.x + high.x) / 2.0;
         let part: Vec<usize> = (0..points.len())
             .filter(|&i| points[i].x <= middle)
@@ -83,13 +83,15 @@ fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
             .iter()
             .map(|&i| place[part[i as usize]]);
         assert!(order.is_sorted(), "{name}");
-        // Neighbourhoods that the part holds whole.
-        for of in [Neighbourhood::Nearest(20), Neighbourhood::Within(0.05)] {
-            let all = index.surroundings(&some, of, &Silent, |_, s| *s).unwrap();
-            let found = partial.surroundings(&some, of, &Silent, |_, s| *s).unwrap();
-            for ((all, found), point) in all.iter().zip(&found).zip(&some) {
+        // Compare the neighbourhoods that lie completely within the part.
+        for neighbourhood in [Neighbourhood::Nearest(20), Neighbourhood::Within(0.05)] {
+            let [all, of_part] = [&index, &partial].map(|index| {
+                let copy = |_: usize, near: &Surroundings| *near;
+                index.surroundings(&some, neighbourhood, &Silent, copy)
+            });
+            for ((all, of_part), point) in all.unwrap().iter().zip(&of_part.unwrap()).zip(&some) {
                 if all.reach_m < middle - point.x {
-                    assert_eq!(all, found, "{name}");
+                    assert_eq!(all, of_part, "{name}");
                 }
             }
         }
@@ -97,8 +99,8 @@ fn a_part_of_a_cloud_in_the_extent_of_the_whole_gives_the_same_bits() {
 }
 
 #[test]
-fn points_at_astronomical_distances_are_told_apart() {
-    // Squares that overflow f32, and in the second case f64 as well.
+fn neighbours_are_right_at_astronomical_distances() {
+    // Squared distances that overflow f32, and in the second case f64 as well.
     for (far, radii) in [(1e25, &[2e25][..]), (1e160, &[])] {
         let points: Vec<Vec3> = (0..300)
             .map(|i| Vec3::new(far * f64::from(i), 0.0, f64::from(i % 7)))
@@ -109,25 +111,25 @@ fn points_at_astronomical_distances_are_told_apart() {
 
 fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f64]) {
     let index = NeighbourIndex::new(points);
-    let mut found = Vec::new();
+    let mut neighbours = Vec::new();
     for query in queries {
         let brute = brute_order(points, query);
         for &k in ks {
-            index.nearest(query, k, &mut found);
+            index.nearest(query, k, &mut neighbours);
             let expected: Vec<u32> = brute.iter().take(k).map(|pair| pair.1).collect();
-            assert_eq!(found, expected, "k = {k} at {query:?}");
+            assert_eq!(neighbours, expected, "k = {k} at {query:?}");
         }
-        // Radii that hit a point exactly test that the ball is closed.
+        // A radius that is exactly the distance of a point tests that the ball is closed.
         let exact = brute.get(brute.len() / 2).map(|pair| pair.0.sqrt());
         for radius in radii.iter().copied().chain(exact) {
-            index.within(query, radius, &mut found);
+            index.within(query, radius, &mut neighbours);
             let mut expected: Vec<u32> = brute
                 .iter()
                 .filter(|pair| pair.0 <= radius * radius)
                 .map(|pair| pair.1)
                 .collect();
             expected.sort_unstable();
-            assert_eq!(found, expected, "radius = {radius} at {query:?}");
+            assert_eq!(neighbours, expected, "radius = {radius} at {query:?}");
         }
     }
     for &k in ks {
@@ -162,8 +164,8 @@ fn check_neighbours(points: &[Vec3], queries: &[Vec3], ks: &[usize], radii: &[f6
             .surroundings(queries, Neighbourhood::Within(radius), &Silent, |_, s| *s)
             .unwrap();
         for (tensor, query) in tensors.iter().zip(queries) {
-            index.within(query, radius, &mut found);
-            check_tensor(tensor, &StructureTensor::of(points, &found), radius);
+            index.within(query, radius, &mut neighbours);
+            check_tensor(tensor, &StructureTensor::of(points, &neighbours), radius);
         }
     }
     let mut order = index.spatial_order().to_vec();
@@ -255,7 +257,7 @@ proptest! {
 }
 
 #[test]
-fn points_that_are_not_numbers_are_never_found() {
+fn points_with_nan_coordinates_are_never_found() {
     let mut points: Vec<Vec3> = (0..200)
         .map(|i| Vec3::new(f64::from(i), 0.0, 0.0))
         .collect();
@@ -263,24 +265,24 @@ fn points_that_are_not_numbers_are_never_found() {
         point[i % 2] = f64::NAN;
     }
     let index = NeighbourIndex::new(&points);
-    let mut found = Vec::new();
-    index.nearest(&Vec3::new(100.2, 0.0, 0.0), 3, &mut found);
-    assert_eq!(found, [100, 101, 98]);
-    index.nearest(&Vec3::zeros(), 200, &mut found);
-    assert_eq!(found.len(), 133);
-    index.within(&Vec3::zeros(), 1e9, &mut found);
-    assert_eq!(found.len(), 133);
-    index.nearest(&Vec3::new(f64::NAN, 0.0, 0.0), 3, &mut found);
-    assert!(found.is_empty());
+    let mut neighbours = Vec::new();
+    index.nearest(&Vec3::new(100.2, 0.0, 0.0), 3, &mut neighbours);
+    assert_eq!(neighbours, [100, 101, 98]);
+    index.nearest(&Vec3::zeros(), 200, &mut neighbours);
+    assert_eq!(neighbours.len(), 133);
+    index.within(&Vec3::zeros(), 1e9, &mut neighbours);
+    assert_eq!(neighbours.len(), 133);
+    index.nearest(&Vec3::new(f64::NAN, 0.0, 0.0), 3, &mut neighbours);
+    assert!(neighbours.is_empty());
 }
 
 #[test]
-fn thinning_keeps_the_point_nearest_to_each_voxels_centre() {
+fn thinning_keeps_the_point_nearest_to_the_centre_of_each_voxel() {
     for (name, points) in nasty_clouds() {
         for voxel_m in [0.003, 0.25, 10.0] {
             let groups = |at: usize| at as u64 % 3;
             for grouped in [false, true] {
-                // For every point: is there a better one in its voxel and group?
+                // A point is kept if there is no better one in its voxel and group.
                 let rating = |i: usize| {
                     let cell = points[i].map(|x| (x / voxel_m).floor());
                     let offset = points[i] / voxel_m - cell - Vec3::repeat(0.5);
@@ -301,12 +303,12 @@ fn thinning_keeps_the_point_nearest_to_each_voxels_centre() {
                     })
                     .map(|i| i as u32)
                     .collect();
-                let found = if grouped {
+                let thinned = if grouped {
                     thin_by(&points, voxel_m, groups)
                 } else {
                     thin(&points, voxel_m)
                 };
-                assert_eq!(found, expected, "{name}, {voxel_m} m, grouped {grouped}");
+                assert_eq!(thinned, expected, "{name}, {voxel_m} m, grouped {grouped}");
             }
         }
     }
@@ -316,7 +318,7 @@ fn thinning_keeps_the_point_nearest_to_each_voxels_centre() {
 fn voxels_are_half_open_and_the_same_on_both_sides_of_zero() {
     assert_eq!(voxel_key(&Vec3::new(0.0, -1e-9, 0.5), 0.5), [0, -1, 1]);
     assert_eq!(voxel_key(&Vec3::new(-0.5, -0.25, 0.25), 0.25), [-2, -1, 1]);
-    // A projected northing at 0.5 mm has more voxels than an i32 counts.
+    // With voxels of 0.5 mm, the index of a projected northing exceeds an i32.
     assert_eq!(
         voxel_key(&Vec3::new(0.0, 5_157_700.25, 0.0), 0.0005)[1],
         10_315_400_500
@@ -324,7 +326,7 @@ fn voxels_are_half_open_and_the_same_on_both_sides_of_zero() {
 }
 
 #[test]
-fn tensor_equals_the_textbook_near_the_origin_and_loses_nothing_far_away() {
+fn the_tensor_equals_the_definition_near_the_origin_and_is_as_accurate_far_away() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     for flatness in [1.0, 1e-2, 1e-4] {
         // Multiples of 2⁻²⁰ m can be moved to projected coordinates without rounding.
@@ -445,14 +447,14 @@ fn omnivariance_equals_jakteristics() {
     let table = numbers(&folder.join("omnivariance.npy"));
     assert_eq!(points.len(), table.len());
     let index = NeighbourIndex::new(&points);
-    let mut found = Vec::new();
+    let mut neighbours = Vec::new();
     let (mut worst, mut worst_value, mut other_count, mut flat) = (0.0f64, 0.0f64, 0, 0);
     for (point, row) in points.iter().zip(&table) {
-        index.within(point, 0.5, &mut found);
-        let (ours, n) = (StructureTensor::of(&points, &found), row[1]);
+        index.within(point, 0.5, &mut neighbours);
+        let (ours, n) = (StructureTensor::of(&points, &neighbours), row[1]);
         if ours.count as f64 != n {
-            // The millimetres of the file put neighbours exactly 0.5 m away; rounding decides on
-            // which side.
+            // In the file, which is rounded to millimetres, some neighbours are exactly 0.5 m away;
+            // rounding decides whether they are inside.
             other_count += 1;
             continue;
         }
@@ -475,16 +477,16 @@ fn omnivariance_equals_jakteristics() {
          eigenvalues within {worst_value:.2e}",
         points.len()
     );
-    // Theirs are single precision, of which 1.2e-7 is one unit in the last place.
+    // The values in the file have single precision, with a unit in the last place of 1.2e-7.
     assert!(worst < 1.3e-7 && worst_value < 1.3e-7);
     assert!(other_count * 1000 < points.len());
 }
 
-/// Points at one place share their neighbours, and a search among them ends with the smallest
-/// indices: each of these clouds would take hours if every query looked at all of them.
+/// Coinciding points share their neighbours, and a search among them ends with the smallest indices:
+/// each of these clouds would take hours if every query visited all of them.
 #[test]
-fn points_at_one_place_cost_no_more_than_others() {
-    const MANY: usize = 200_000;
+fn coinciding_points_take_no_more_time_than_others() {
+    const MANY: usize = 100_000;
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let mut surface = |count: usize| -> Vec<Vec3> {
         let point = |_| {
@@ -501,7 +503,7 @@ fn points_at_one_place_cost_no_more_than_others() {
     clustered.extend(std::iter::repeat_n(place, MANY / 2));
     let mut with_outlier = surface(MANY);
     with_outlier.push(Vec3::new(1e30, -1e30, 0.0));
-    // From 1e-30 to 1e30: beside each point there are some that are nearer by many powers of ten.
+    // From 1e-30 to 1e30: for each point, some neighbours are nearer by many powers of ten.
     let magnitude = |x: f64| (2.0 * x - 1.0).signum() * 10f64.powf(60.0 * x - 30.0);
     let all_sizes = surface(MANY / 4).iter().map(|p| p.map(magnitude)).collect();
     let clouds = [
@@ -515,12 +517,12 @@ fn points_at_one_place_cost_no_more_than_others() {
         let index = NeighbourIndex::new(&points);
         let mut some: Vec<Vec3> = points.iter().step_by(MANY / 7).copied().collect();
         some.push(place + Vec3::new(0.0, 0.0, 0.001));
-        let mut found = Vec::new();
+        let mut neighbours = Vec::new();
         for query in &some {
             let brute = brute_order(&points, query);
-            index.nearest(query, 50, &mut found);
+            index.nearest(query, 50, &mut neighbours);
             let expected: Vec<u32> = brute.iter().take(50).map(|pair| pair.1).collect();
-            assert_eq!(found, expected, "{name}");
+            assert_eq!(neighbours, expected, "{name}");
         }
         let nearest = Neighbourhood::Nearest(50);
         let all = index
@@ -540,10 +542,10 @@ fn points_at_one_place_cost_no_more_than_others() {
         let counts = index
             .surroundings(&points, within, &Silent, |_, s| s.tensor.count)
             .unwrap();
-        index.within(&points[0], 0.003, &mut found);
-        assert_eq!(counts[0], found.len(), "{name}");
-        let kept = thin(&points, 0.01);
-        assert!(!kept.is_empty() && kept.len() <= points.len());
+        index.within(&points[0], 0.003, &mut neighbours);
+        assert_eq!(counts[0], neighbours.len(), "{name}");
+        let thinned = thin(&points, 0.01);
+        assert!(!thinned.is_empty() && thinned.len() <= points.len());
         let took = start.elapsed();
         println!("{name}: {took:.2?}");
         assert!(took.as_secs() < 30, "{name}: {took:?}");

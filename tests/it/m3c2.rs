@@ -1,4 +1,4 @@
-//! M3C2 against other programs on the same data; against its definition see `m3c2_options.rs`.
+//! M3C2 compared with other programs on the same data; for its definition see `m3c2_options.rs`.
 
 use std::path::Path;
 
@@ -47,7 +47,7 @@ fn m3c2_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn comparison_refuses_what_it_cannot_compare() {
+fn clouds_and_settings_that_cannot_be_compared_are_refused() {
     let settings = ComparisonSettings::default();
     let plane: Vec<Vec3> = (0..400)
         .map(|i| Vec3::new(f64::from(i % 20), f64::from(i / 20), 0.0) * 0.01)
@@ -103,7 +103,7 @@ fn comparison_refuses_what_it_cannot_compare() {
 }
 
 #[test]
-fn statistics_of_known_distances() {
+fn statistics_of_known_distances_are_right() {
     let distances = [f64::NAN, 0.001, 0.002, -0.001, 0.004, 0.004];
     let entry = |distance_m| CoreDistance {
         point: Vec3::zeros(),
@@ -168,7 +168,7 @@ fn agrees_with_py4dgeo(folder: &Path, core_points: usize) {
         ..ComparisonSettings::default()
     };
 
-    // With py4dgeo's normals everything is the same number.
+    // With py4dgeo's normals all numbers are the same.
     let given = m3c2(
         &first,
         &second,
@@ -194,7 +194,7 @@ fn agrees_with_py4dgeo(folder: &Path, core_points: usize) {
         ];
         for quantity in 0..4 {
             let theirs = expected[quantity][i];
-            // The spread of no points is -0.0 there and unknown here.
+            // Without points the spread is -0.0 in py4dgeo and NaN here.
             if quantity >= 2 && [&n1, &n2][quantity - 2][i] == 0.0 {
                 assert!(ours[quantity].is_nan());
                 continue;
@@ -206,14 +206,15 @@ fn agrees_with_py4dgeo(folder: &Path, core_points: usize) {
         }
     }
     println!("given normals: distance, LoD and spreads within {worst:?} m, counts equal");
-    // Both sum tens of heights of centimetres in double precision.
+    // Both sum tens of heights of a few centimetres in double precision.
     assert!(worst.iter().all(|difference| *difference < 1e-15));
 
-    // With our own.
-    let own = m3c2(&first, &second, &core, Normals::UPWARDS, &settings, &Silent).unwrap();
+    // With our own normals.
+    let with_own_normals =
+        m3c2(&first, &second, &core, Normals::UPWARDS, &settings, &Silent).unwrap();
     let radii = column("normal_radius_used");
     let (mut turned, mut other_radius, mut worst_angle) = (0, 0, 0.0f64);
-    for (i, at) in own.core.iter().enumerate() {
+    for (i, at) in with_own_normals.core.iter().enumerate() {
         let angle_deg = at
             .normal
             .cross(&normals[i])
@@ -266,8 +267,8 @@ fn m3c2_scatters_around_cloudcompare_no_more_than_pdal() {
     )
     .unwrap();
 
-    // The files have three decimals; ours get as many, so that rounding favours nobody. Core points
-    // without a normal are 0 with an uncertainty of 0 there, and NaN here.
+    // The files have three decimals, and our values are rounded to as many, so that rounding favours
+    // neither. Core points without a normal are 0 with an uncertainty of 0 there, and NaN here.
     let rounded = |x: f64| (x * 1000.0).round() / 1000.0;
     let (mut ours_off, mut pdal_off, mut lod_off) = (vec![], vec![], vec![]);
     let (mut same_counts, mut pdal_same_counts, mut without_normal) = (0, 0, 0);
@@ -288,10 +289,10 @@ fn m3c2_scatters_around_cloudcompare_no_more_than_pdal() {
         if (f64::from(at.reference_count), f64::from(at.compared_count)) == (n1, n2) {
             same_counts += 1;
             if lod.is_finite() {
-                // CloudCompare's and PDAL's deviations are divided by n, ours by n - 1.
-                let of_mean = |spread: f64, n: f64| spread.powi(2) * (n - 1.0) / (n * n);
-                let variance =
-                    of_mean(at.reference_spread_m, n1) + of_mean(at.compared_spread_m, n2);
+                // CloudCompare and PDAL divide squared deviations by n, we by n - 1.
+                let mean_variance = |spread: f64, n: f64| spread.powi(2) * (n - 1.0) / (n * n);
+                let variance = mean_variance(at.reference_spread_m, n1)
+                    + mean_variance(at.compared_spread_m, n2);
                 lod_off.push((rounded(1.96 * variance.sqrt()) - lod).abs());
             }
         }
@@ -309,11 +310,11 @@ fn m3c2_scatters_around_cloudcompare_no_more_than_pdal() {
          median, rms, max: ours {ours:.4?}, PDAL {pdal:.4?}; counts equal at {same_counts} and \
          {pdal_same_counts}; level of detection {lod:.4?}",
     );
-    // The last decimals of the differences are rounded.
+    // Tolerance for the rounding of the differences.
     for (ours, pdal) in ours.iter().zip(pdal) {
         assert!(*ours <= pdal + 1e-9);
     }
     assert!(same_counts >= pdal_same_counts);
-    // CloudCompare's coordinates are single precision: about 1e-3 of these spreads.
+    // CloudCompare's coordinates have single precision: about 1e-3 of these spreads.
     assert!(lod[1] <= 1e-3);
 }

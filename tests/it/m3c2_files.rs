@@ -1,4 +1,4 @@
-//! `boresight compare` on files: in one piece and tile by tile, with all that it writes.
+//! `boresight compare` on files: in one piece and tile by tile, with all outputs.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// A rough surface of UTM size, and one 6 mm above it with a gap, as LAZ.
+/// Writes a rough surface at UTM coordinates, and one 6 mm above it with a gap, as LAZ.
 fn clouds(folder: &Path) -> [PathBuf; 2] {
     let mut rng = ChaCha8Rng::seed_from_u64(31);
     let mut write = |name: &str, offset: f64, gap: f64| {
@@ -53,7 +53,7 @@ fn run(comparison: &Comparison, out: &Path) -> (Value, String) {
 }
 
 #[test]
-fn tiles_write_the_bytes_of_one_piece() {
+fn tiles_give_the_same_bytes_as_one_piece() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let [cloud, reference] = clouds(folder.path());
@@ -87,12 +87,12 @@ fn tiles_write_the_bytes_of_one_piece() {
         assert!(result["stages"][stage]["seconds"].as_f64().unwrap() > 0.0);
         assert!(by_tiles["stages"][stage]["seconds"].as_f64().unwrap() > 0.0);
     }
-    // The cloud lies 6 mm above, and has a gap.
+    // The cloud lies 6 mm above the reference, and has a gap.
     assert!((result["median_m"].as_f64().unwrap() - 0.006).abs() < 5e-4);
     assert!(result["n"].as_u64() < result["core_points"].as_u64());
     assert!(!at("tiles").join("reference-tiles").exists());
 
-    // The table is a file of core points with normals: with these the numbers come out again.
+    // The table can be read as core points with normals, which gives the same numbers again.
     let known: String =
         table
             .lines()
@@ -124,13 +124,13 @@ fn tiles_write_the_bytes_of_one_piece() {
         assert!(given[8].is_nan());
         assert!((given[3] - known[3]).abs() < 1e-15);
     }
-    // Normals that are asked for are found, whatever the file holds.
-    let found = Comparison {
+    // If normals of the reference are requested, those in the file are not used.
+    let recomputed = Comparison {
         normals: NormalSource::Reference {
             orientation: Vec3::z(),
         },
         ..again
     };
-    let (_, found) = run(&found, &at("found"));
-    assert_eq!(numbers(&found), known);
+    let (_, recomputed) = run(&recomputed, &at("recomputed"));
+    assert_eq!(numbers(&recomputed), known);
 }

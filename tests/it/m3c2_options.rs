@@ -1,5 +1,5 @@
-//! Every combination of the options of M3C2 against its definition, on clouds that are hard to
-//! search: random, gridded with points on the borders, duplicated, of UTM size, with outliers.
+//! Every combination of the options of M3C2 compared with its definition, on clouds that are hard to
+//! search: random, gridded with points on the borders, duplicated, at UTM coordinates, with outliers.
 
 use crate::common::{kernels::naive_covariance, tables::numbers};
 use boresight::comparison::{Aggregation, ComparisonSettings, Detection};
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 const UP: Vec3 = Vec3::new(0.0, 0.0, 1.0);
 
-/// Middle and squared spread of numbers, and how many there are, from the definitions.
+/// Middle, squared spread and number of values, from the definitions.
 fn brute_sample(mut heights: Vec<f64>, aggregation: Aggregation) -> (f64, f64, usize) {
     let n = heights.len();
     if n == 0 {
@@ -47,11 +47,14 @@ fn brute(
     settings: &ComparisonSettings,
 ) -> (f64, f64, [usize; 2]) {
     let samples = clouds.map(|cloud| {
+        // In plain numbers, as vectors take minutes here without optimisation.
+        let ([a, b, c], [u, v, w]): ([f64; 3], [f64; 3]) = ((*core).into(), (*normal).into());
         let heights = cloud.iter().filter_map(|point| {
-            let d = point - core;
-            let height = d.dot(normal);
-            let across = d - normal * height;
-            let inside = across.norm_squared() <= settings.cylinder_radius_m.powi(2)
+            let [x, y, z]: [f64; 3] = (*point).into();
+            let (dx, dy, dz) = (x - a, y - b, z - c);
+            let height = dx * u + dy * v + dz * w;
+            let (ex, ey, ez) = (dx - u * height, dy - v * height, dz - w * height);
+            let inside = ex * ex + ey * ey + ez * ez <= settings.cylinder_radius_m.powi(2)
                 && height.abs() < settings.max_distance_m.max(settings.cylinder_radius_m)
                 && (!settings.one_sided || height >= 0.0);
             inside.then_some(height)
@@ -81,10 +84,10 @@ fn brute(
     (distance, lod, [n1, n2])
 }
 
-/// The normal of the most planar neighbourhood, by nalgebra's decomposition, its radius, and by how
-/// much the planarity of the neighbourhood exceeds that of the others.
+/// The normal of the most planar neighbourhood, by nalgebra's decomposition, its radius, and the lead of
+/// its planarity over the next best neighbourhood.
 fn brute_normal(reference: &[Vec3], core: &Vec3, radii: &[f64]) -> Option<(Vec3, f64, f64)> {
-    let mut found: Vec<(f64, Vec3, f64)> = Vec::new();
+    let mut candidates: Vec<(f64, Vec3, f64)> = Vec::new();
     for &radius in radii {
         let near: Vec<Vec3> = reference
             .iter()
@@ -101,16 +104,16 @@ fn brute_normal(reference: &[Vec3], core: &Vec3, radii: &[f64]) -> Option<(Vec3,
         let normal: Vec3 = eigen.eigenvectors.column(order[0]).into();
         let planarity = (middle - low) / high;
         if planarity > 1e-9 {
-            found.push((planarity, normal * normal.z.signum(), radius));
+            candidates.push((planarity, normal * normal.z.signum(), radius));
         }
     }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let lead = match &found[..] {
+    candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let lead = match &candidates[..] {
         [] => return None,
         [_] => 1.0,
         [first, second, ..] => first.0 - second.0,
     };
-    Some((found[0].1, found[0].2, lead))
+    Some((candidates[0].1, candidates[0].2, lead))
 }
 
 struct Case {
@@ -139,7 +142,7 @@ fn cases() -> Vec<Case> {
     let far = Vec3::new(-691_000.125, 5_334_000.5, -431.0);
     for (name, origin) in [("random", Vec3::zeros()), ("of UTM size", far)] {
         let (reference, mut compared) = (surface(1500, origin, 0.0), surface(800, origin, 0.015));
-        // Some cylinders hold no point, or one.
+        // Some cylinders contain no point, or only one.
         compared.retain(|p| (p - origin - Vec3::new(0.7, 0.4, 0.2)).norm() > 0.22);
         let core = every(&reference, 9);
         cases.push(Case {
@@ -149,7 +152,7 @@ fn cases() -> Vec<Case> {
             core,
         });
     }
-    // Steps that are exact in binary: points at just the radii, the ends and the cell borders.
+    // Steps that are exact in binary: points exactly at the radii, the ends and the cell borders.
     let step = 0.03125;
     let grid = |nx: i32, layers: i32, shift: f64| -> Vec<Vec3> {
         (0..nx * nx * layers)
@@ -168,7 +171,7 @@ fn cases() -> Vec<Case> {
         reference,
         core,
     });
-    // Each point three times, in one place; most core points are such places.
+    // Each point three times; most core points coincide with such a triple.
     let (single, other) = (
         surface(200, Vec3::zeros(), 0.0),
         surface(150, Vec3::zeros(), 0.01),
@@ -181,7 +184,7 @@ fn cases() -> Vec<Case> {
         reference,
         compared,
     });
-    // Outliers, not a number, and numbers that are too large for any lattice.
+    // Outliers: NaN, infinity, and numbers that are too large for any lattice.
     let (mut reference, mut compared) = (
         surface(900, Vec3::zeros(), 0.0),
         surface(700, Vec3::zeros(), 0.01),
@@ -202,7 +205,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// All combinations but those of normals.
+/// All combinations of options except the normals.
 fn options(base: &ComparisonSettings) -> Vec<ComparisonSettings> {
     let mut all = Vec::new();
     for aggregation in [Aggregation::Mean, Aggregation::Median] {
@@ -224,12 +227,12 @@ fn options(base: &ComparisonSettings) -> Vec<ComparisonSettings> {
 }
 
 fn same(a: f64, b: f64) -> bool {
-    // Heights are below 1 m; the two add up to 2000 of them in different orders.
+    // Heights are below 1 m; the two programs sum up to 2000 of them in different orders.
     (a - b).abs() <= 1e-13 || (a.is_nan() && b.is_nan())
 }
 
 #[test]
-fn all_options_are_those_of_brute_force() {
+fn all_options_agree_with_the_definition() {
     let base = ComparisonSettings {
         normal_radii_m: vec![0.09375, 0.1875],
         cylinder_radius_m: 0.0625,
@@ -237,7 +240,7 @@ fn all_options_are_those_of_brute_force() {
         registration_error_m: 0.001,
         ..ComparisonSettings::default()
     };
-    // Longer cylinders are searched for in another way, and normals of other sizes in other cells.
+    // Long cylinders are searched in a different way, and normals of other radii in other cells.
     let long = ComparisonSettings {
         normal_radii_m: vec![0.2],
         cylinder_radius_m: 0.03125,
@@ -272,14 +275,14 @@ fn all_options_are_those_of_brute_force() {
             .flat_map(options)
             .flat_map(|settings| normals.map(|normals| (settings.clone(), normals)))
         {
-            let found = m3c2(reference, other, core, normals, &settings, &Silent).unwrap();
-            for (i, (at, point)) in found.core.iter().zip(core).enumerate() {
+            let result = m3c2(reference, other, core, normals, &settings, &Silent).unwrap();
+            for (i, (at, point)) in result.core.iter().zip(core).enumerate() {
                 let what = || format!("{name}, core point {i}, {normals:?}, {settings:?}");
                 assert_eq!(at.point, *point);
                 let normal = match normals {
                     Normals::Fixed(_) => UP,
                     Normals::Given(given) => given[i] / given[i].norm(),
-                    // Compared with brute force below.
+                    // Compared with brute force in a separate test.
                     Normals::MostPlanar { .. } => at.normal,
                 };
                 let clouds = [&reference[..], other];
@@ -310,14 +313,14 @@ fn all_options_are_those_of_brute_force() {
 }
 
 #[test]
-fn normals_are_those_of_brute_force() {
+fn normals_agree_with_the_definition() {
     let settings = ComparisonSettings {
         normal_radii_m: vec![0.09375, 0.1875],
         cylinder_radius_m: 0.0625,
         max_distance_m: 0.125,
         ..ComparisonSettings::default()
     };
-    let (mut worst, mut found_none) = (0.0f64, 0);
+    let (mut worst, mut without_normal) = (0.0f64, 0);
     for Case {
         name,
         reference,
@@ -326,8 +329,8 @@ fn normals_are_those_of_brute_force() {
     } in cases()
     {
         let normals = Normals::UPWARDS;
-        let found = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
-        for (at, point) in found.core.iter().zip(&core) {
+        let result = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
+        for (at, point) in result.core.iter().zip(&core) {
             let Some((normal, radius, lead)) =
                 brute_normal(&reference, point, &settings.normal_radii_m)
             else {
@@ -336,10 +339,10 @@ fn normals_are_those_of_brute_force() {
                     "{name}"
                 );
                 assert_eq!((at.reference_count, at.compared_count), (0, 0));
-                found_none += 1;
+                without_normal += 1;
                 continue;
             };
-            // On the grid neighbourhoods have several planes of symmetry, and equal ones tie.
+            // On the grid, neighbourhoods have several planes of symmetry, and equal eigenvalues tie.
             if name == "gridded" || lead < 1e-6 {
                 continue;
             }
@@ -347,12 +350,12 @@ fn normals_are_those_of_brute_force() {
             worst = worst.max(at.normal.cross(&normal).norm());
         }
     }
-    println!("normals within {worst:.1e} rad of nalgebra's, {found_none} without");
-    assert!(worst < 1e-12 && found_none > 0);
+    println!("normals within {worst:.1e} rad of nalgebra's, {without_normal} without");
+    assert!(worst < 1e-12 && without_normal > 0);
 }
 
 #[test]
-fn pieces_of_clouds_give_the_bits_of_the_whole() {
+fn pieces_of_clouds_give_the_same_bits_as_the_whole() {
     let short = ComparisonSettings {
         normal_radii_m: vec![0.05, 0.1],
         cylinder_radius_m: 0.0625,
@@ -373,7 +376,7 @@ fn pieces_of_clouds_give_the_bits_of_the_whole() {
     assert!(smaller > 100, "{smaller}");
 }
 
-/// Compares pieces with the whole, and returns how many are smaller than it.
+/// Compares pieces with the whole; returns how many pieces are smaller than the whole.
 fn pieces(case: &Case, settings: &ComparisonSettings) -> usize {
     let Case {
         name,
@@ -395,7 +398,7 @@ fn pieces(case: &Case, settings: &ComparisonSettings) -> usize {
         smaller += usize::from(before.len() < reference.len());
         let clouds = IndexedClouds::of_pieces(&before, &after, normals, settings).unwrap();
         let piece = clouds.distances(&core[i..=i], normals, &Silent).unwrap();
-        let [piece, whole] = [&piece, &whole].map(|found| &found.core);
+        let [piece, whole] = [&piece, &whole].map(|result| &result.core);
         assert_eq!(
             format!("{:?}", piece[0]),
             format!("{:?}", whole[i]),
@@ -405,7 +408,7 @@ fn pieces(case: &Case, settings: &ComparisonSettings) -> usize {
     smaller
 }
 
-/// The points that `m3c2/robust.py` makes.
+/// Makes the same points as `m3c2/robust.py`.
 struct Congruential(u32);
 
 impl Congruential {
@@ -441,12 +444,12 @@ fn robust_m3c2_equals_py4dgeo() {
         ..ComparisonSettings::default()
     };
     let normals = Normals::Given(&normals);
-    let found = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
+    let result = m3c2(&reference, &compared, &core, normals, &settings, &Silent).unwrap();
     let table = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/m3c2/robust.csv");
     let table = numbers(&table);
     assert_eq!(table.len(), core.len());
     let mut worst = 0.0f64;
-    for (at, row) in found.core.iter().zip(&table) {
+    for (at, row) in result.core.iter().zip(&table) {
         assert_eq!(
             [at.reference_count, at.compared_count].map(f64::from),
             row[4..]
@@ -458,7 +461,7 @@ fn robust_m3c2_equals_py4dgeo() {
             at.compared_spread_m,
         ];
         for (ours, theirs) in ours.iter().zip(row) {
-            // Of one point the range is 0 there and unknown here.
+            // For a single point the range is 0 in py4dgeo and NaN here.
             if ours.is_nan() {
                 assert!(at.reference_count.min(at.compared_count) < 2);
             } else {

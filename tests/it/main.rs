@@ -1,5 +1,5 @@
-//! What the library and its command line promise, a module a subject: `cargo test --release --test it truck` runs
-//! those of one. Tests that watch the clock or the machine are in `tests/clock`.
+//! Tests of the library and its command line, one module per subject: `cargo test --release --test it truck` runs
+//! those of one subject. Tests that depend on time or on the machine are in `tests/clock`.
 
 #![allow(clippy::unwrap_used)] // helpers fail as tests do
 
@@ -24,7 +24,6 @@ mod init;
 mod inputs;
 mod inspect;
 mod joint;
-mod kept;
 mod kernels;
 mod m3c2;
 mod m3c2_files;
@@ -35,6 +34,7 @@ mod mutants;
 mod pages;
 mod placement;
 mod printing;
+mod protected;
 mod report;
 mod resume;
 mod run;

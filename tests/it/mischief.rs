@@ -1,5 +1,4 @@
-//! Input that nobody means to give: everything ends with a result or with words, in bounded time and
-//! memory.
+//! Absurd input: every command ends with a result or a clear error, in bounded time and memory.
 
 use std::fmt::Write;
 use std::fs;
@@ -11,15 +10,15 @@ use boresight::comparison::{ComparisonSettings, Normals, m3c2};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 
-/// Runs the binary on files of a folder and returns what it says as it fails.
+/// Runs the binary on files of a folder; it must fail, and its message is returned.
 fn refusal(folder: &Path, arguments: &[&str]) -> String {
     let run = refused(folder, arguments);
-    let is_told = run.err.lines().any(|line| line.starts_with("error: "));
-    assert!(is_told, "{}", run.err);
+    let has_error = run.err.lines().any(|line| line.starts_with("error: "));
+    assert!(has_error, "{}", run.err);
     run.err
 }
 
-/// Adds to the first cell of every row below the header.
+/// Adds `by_s` to the first cell of every row below the header.
 fn shift_times(path: &Path, by_s: f64) {
     rewrite(path, |text| {
         let (header, rows) = text.split_once('\n').unwrap();
@@ -33,8 +32,8 @@ fn shift_times(path: &Path, by_s: f64) {
     });
 }
 
-/// A drive whose poses are given: 30 s northwards with standard deviations, and the ground below as
-/// the reference.
+/// A drive with given poses: 30 s northwards with standard deviations, and the ground below as the
+/// reference.
 fn project_of_poses() -> tempfile::TempDir {
     let folder = project_of_logs();
     let at = |name: &str| folder.path().join(name);
@@ -70,15 +69,15 @@ fn project_of_poses() -> tempfile::TempDir {
 }
 
 #[test]
-fn positions_may_come_before_the_first_imu_sample() {
+fn positions_long_before_the_first_imu_sample_are_refused() {
     let folder = project_of_logs();
     shift_times(&folder.path().join("imu.csv"), 1000.0);
-    let said = refusal(folder.path(), &["trajectory", "./project.toml", "--online"]);
-    assert!(said.contains("do not overlap"), "{said}");
+    let message = refusal(folder.path(), &["trajectory", "./project.toml", "--online"]);
+    assert!(message.contains("do not overlap"), "{message}");
 }
 
 #[test]
-fn noise_figures_ask_for_the_unit_of_time() {
+fn noise_figures_with_implausible_times_suggest_another_unit() {
     let folder = project_of_logs();
     let path = folder.path().join("imu.csv");
     let scale_times = |factor: f64| {
@@ -97,8 +96,8 @@ fn noise_figures_ask_for_the_unit_of_time() {
         });
     };
     scale_times(1e-6);
-    let said = refusal(folder.path(), &["inspect", "./imu.csv", "--allan"]);
-    assert!(said.contains("check the unit of the times"), "{said}");
+    let message = refusal(folder.path(), &["inspect", "./imu.csv", "--allan"]);
+    assert!(message.contains("check the unit of the times"), "{message}");
     scale_times(1e3);
     let run = boresight(&["inspect", path.to_str().unwrap(), "--allan"]);
     assert!(
@@ -110,7 +109,7 @@ fn noise_figures_ask_for_the_unit_of_time() {
 }
 
 #[test]
-fn a_trajectory_may_span_ages() {
+fn a_trajectory_over_millions_of_years_is_accepted() {
     let folder = project_of_poses();
     rewrite(&folder.path().join("poses.csv"), |text| {
         let (header, rows) = text.split_once('\n').unwrap();
@@ -123,7 +122,7 @@ fn a_trajectory_may_span_ages() {
 }
 
 #[test]
-fn more_scanners_than_a_byte_counts_keep_their_numbers() {
+fn more_than_255_scanners_have_their_numbers_in_the_clouds() {
     let folder = project_of_poses();
     rewrite(&folder.path().join("left.csv"), |text| {
         let few: Vec<&str> = text.lines().take(20).collect();
@@ -148,7 +147,7 @@ fn more_scanners_than_a_byte_counts_keep_their_numbers() {
             .for_header(reader.header())
             .build();
         reader.fill_points(1, &mut points).unwrap();
-        // Of point format 6: `user_data`, `point_source_id`.
+        // `user_data` and `point_source_id` of point format 6.
         let record = points.raw_bytes();
         assert_eq!(record[17], in_a_byte);
         assert_eq!(u16::from_le_bytes([record[20], record[21]]), scanner);
@@ -162,28 +161,28 @@ fn settings_that_would_fill_the_memory_are_refused() {
     rewrite(&project, |text| {
         text.replace("neighbours = 20", "neighbours = 100000")
     });
-    let said = refusal(folder.path(), &["run", "./project.toml"]);
+    let message = refusal(folder.path(), &["run", "./project.toml"]);
     assert!(
-        said.contains("neighbours = 100000, expected 1000 or less"),
-        "{said}"
+        message.contains("neighbours = 100000, expected 1000 or less"),
+        "{message}"
     );
     let scenario = "drives = [{ passes = [{ board = 0, heading_deg = 90.0 }] }]\n\
                     [motion]\nscan_speed_m_s = 0.001\n[imu]\nrate_hz = 10000.0\n";
     fs::write(folder.path().join("slow.toml"), scenario).unwrap();
-    let said = refusal(
+    let message = refusal(
         folder.path(),
         &["simulate", "--scenario", "./slow.toml", "--out", "./sim"],
     );
-    assert!(said.contains("drive 1 may last"), "{said}");
+    assert!(message.contains("drive 1 may last"), "{message}");
 }
 
 #[test]
-fn clouds_at_one_place_are_compared_at_once() {
+fn clouds_of_coinciding_points_are_compared_quickly() {
     const MANY: usize = 100_000;
     let place = Vec3::new(1.0, 2.0, 3.0);
     let reference = vec![place; MANY];
     let compared = vec![place + Vec3::new(0.0, 0.0, 0.01); MANY];
-    // Searched for in cells, and in trees.
+    // One distance is searched in cells, the other in trees.
     for max_distance_m in [0.1, 1.0] {
         let settings = ComparisonSettings {
             max_distance_m,
@@ -191,17 +190,17 @@ fn clouds_at_one_place_are_compared_at_once() {
         };
         for normals in [Normals::Fixed(Vec3::z()), Normals::UPWARDS] {
             let begun = Instant::now();
-            let found = m3c2(
+            let result = m3c2(
                 &reference, &compared, &reference, normals, &settings, &Silent,
             );
-            let found = found.unwrap();
+            let result = result.unwrap();
             assert!(
                 begun.elapsed() < Duration::from_secs(30),
                 "{:?}",
                 begun.elapsed()
             );
-            assert_eq!(found.core.len(), MANY);
-            let last = found.core[MANY - 1];
+            assert_eq!(result.core.len(), MANY);
+            let last = result.core[MANY - 1];
             if matches!(normals, Normals::Fixed(_)) {
                 assert!((last.distance_m - 0.01).abs() < 1e-12);
                 assert_eq!(last.reference_count, MANY as u32);

@@ -1,5 +1,5 @@
-//! Mutants of a project's files, as mistakes and accidents make them, through the real binary: each run ends
-//! with a result, or with one error that names the file.
+//! Random changes to the files of a project, like those of mistakes and accidents, tested with the real binary: each
+//! run ends with a result, or with one error that names the file.
 
 use std::fs;
 use std::path::Path;
@@ -12,12 +12,12 @@ use rand_chacha::ChaCha8Rng;
 
 /// The files of the project.
 const FILES: [&str; 4] = ["project.toml", "imu.csv", "prism.csv", "left.csv"];
-/// Commands that read them all, or all but the profiles.
+/// Commands that read all of these files, or all except the profiles.
 const COMMANDS: [&[&str]; 3] = [&["trajectory"], &["calibrate"], &["georeference"]];
-/// Longest run, with others beside it.
+/// Longest duration of a run, with other tests running.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// Multiplies the cells of a column, or adds to them.
+/// Changes the numbers of a column.
 fn change_column(text: &str, column: usize, change: impl Fn(f64) -> f64) -> String {
     let row = |line: &str| {
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
@@ -31,7 +31,7 @@ fn change_column(text: &str, column: usize, change: impl Fn(f64) -> f64) -> Stri
     text.lines().map(row).collect::<Vec<_>>().join("\n")
 }
 
-/// What happens to a number: other units and clocks, signs, no numbers.
+/// A random change of numbers: other units, clocks or signs, or no number.
 fn change(random: &mut impl Rng) -> Box<dyn Fn(f64) -> f64> {
     let factors = [1e3, 1e6, 1e9, 1e-3, 1e-6, 57.3, 1.0 / 57.3, 9.81, -1.0, 0.0];
     let offsets = [1e3, -1e3, 1.7e9, 3600.0, 18.0, 0.5, f64::NAN, f64::INFINITY];
@@ -47,7 +47,7 @@ fn change(random: &mut impl Rng) -> Box<dyn Fn(f64) -> f64> {
     }
 }
 
-/// Lines of a text with one of them changed, gone, twice, or two of them exchanged.
+/// Changes, removes or repeats a line of a text, or exchanges two.
 fn change_lines(text: &str, random: &mut impl Rng) -> String {
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     let at = random.random_range(0..lines.len());
@@ -66,7 +66,7 @@ fn change_lines(text: &str, random: &mut impl Rng) -> String {
     lines.join("\n")
 }
 
-/// A number of a project changed.
+/// Changes a number of a project.
 fn change_project(text: &str, random: &mut impl Rng) -> String {
     let is_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
     let mut numbers = Vec::new();
@@ -93,7 +93,7 @@ fn change_project(text: &str, random: &mut impl Rng) -> String {
     format!("{}{new}{}", &text[..range.start], &text[range.end..])
 }
 
-/// Bytes changed, cut off or inserted.
+/// Changes, cuts off, inserts or removes bytes.
 fn change_bytes(text: &str, random: &mut impl Rng) -> Vec<u8> {
     let mut bytes = text.as_bytes().to_vec();
     let at = random.random_range(0..bytes.len());
@@ -113,7 +113,7 @@ fn mutant(text: &str, name: &str, random: &mut impl Rng) -> Vec<u8> {
         _ if name.ends_with(".toml") => change_project(text, random).into_bytes(),
         _ => {
             let columns = text.lines().next().unwrap().split(',').count();
-            // The times are changed as often as all other columns together.
+            // The times are changed about as often as all other columns together.
             let any = random.random_range(0..columns);
             let column = if random.random() { 0 } else { any };
             change_column(text, column, change(random)).into_bytes()
@@ -121,7 +121,7 @@ fn mutant(text: &str, name: &str, random: &mut impl Rng) -> Vec<u8> {
     }
 }
 
-/// Runs a command on mutants and returns how many of them were refused.
+/// Runs a command on each mutant; returns how many were refused.
 fn run_mutants(seeds: std::ops::Range<u64>) -> usize {
     let whole = project_of_logs();
     let folder = tempfile::tempdir().unwrap();
@@ -140,16 +140,19 @@ fn run_mutants(seeds: std::ops::Range<u64>) -> usize {
         let files = [project.to_str().unwrap(), "--out", out.to_str().unwrap()];
         let begun = Instant::now();
         let run = boresight(&[command, &files].concat());
-        let said = &run.err;
+        let stderr = &run.err;
         let what = || {
             keep(
-                &format!("seed {seed}, {command:?}, {name}: {said}"),
+                &format!("seed {seed}, {command:?}, {name}: {stderr}"),
                 folder.path(),
             )
         };
         assert!(begun.elapsed() < LONGEST, "{} took too long", what());
         assert!([0, 1].contains(&run.code), "exit {}: {}", run.code, what());
-        let errors: Vec<&str> = said.lines().filter(|l| l.starts_with("error: ")).collect();
+        let errors: Vec<&str> = stderr
+            .lines()
+            .filter(|l| l.starts_with("error: "))
+            .collect();
         assert_eq!(errors.len(), usize::from(run.code == 1), "{}", what());
         if let Some(error) = errors.first() {
             refused += 1;
@@ -161,14 +164,14 @@ fn run_mutants(seeds: std::ops::Range<u64>) -> usize {
     refused
 }
 
-/// Copies the files of a mutant that failed to a folder that stays, and names it.
+/// Copies the files of a failed mutant to a permanent folder, and appends its name to `what`.
 fn keep(what: &str, folder: &Path) -> String {
-    let kept = std::env::temp_dir().join("boresight-mutant");
-    let _ = fs::create_dir_all(&kept);
+    let copies = std::env::temp_dir().join("boresight-mutant");
+    let _ = fs::create_dir_all(&copies);
     for name in FILES {
-        let _ = fs::copy(folder.join(name), kept.join(name));
+        let _ = fs::copy(folder.join(name), copies.join(name));
     }
-    format!("{what} (files in {})", kept.display())
+    format!("{what} (files in {})", copies.display())
 }
 
 #[test]

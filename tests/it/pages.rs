@@ -1,15 +1,15 @@
-//! Pages of every command, and pages made again, through the real binary.
+//! Pages of every command, and pages written again, tested with the real binary.
 
 use std::fs;
 use std::path::Path;
 
 use crate::common::{Run, boresight, names, on_project, plane, rewrite_project, simulated};
 
-/// A whole page without anything that is loaded from elsewhere, with these headings.
+/// Checks that a page is complete and has these headings; returns its text.
 fn assert_page(path: &Path, headings: &[&str]) -> String {
     let page = fs::read_to_string(path).unwrap();
     assert!(page.starts_with("<!DOCTYPE html>"), "{}", path.display());
-    assert!(page.trim_end().ends_with("</html>"), "half a page");
+    assert!(page.trim_end().ends_with("</html>"), "incomplete page");
     for heading in headings {
         assert!(page.contains(&format!("<h2>{heading}</h2>")), "{heading}");
     }
@@ -17,8 +17,8 @@ fn assert_page(path: &Path, headings: &[&str]) -> String {
 }
 
 #[test]
-fn a_page_made_again_is_the_same() {
-    let (_kept, drive) = simulated();
+fn a_page_written_again_is_the_same() {
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
@@ -55,20 +55,20 @@ fn a_page_made_again_is_the_same() {
         .collect();
     assert_eq!(names(&out), left);
 
-    let kept = out.join("report.kept");
-    let whole = fs::read(&kept).unwrap();
+    let stored = out.join("report.kept");
+    let whole = fs::read(&stored).unwrap();
     let refused = |expected: &[&str]| {
         again().assert_failed_with(expected);
         assert!(fs::read(&page).unwrap() == made);
     };
-    fs::write(&kept, &whole[..whole.len() / 2]).unwrap();
+    fs::write(&stored, &whole[..whole.len() / 2]).unwrap();
     refused(&["report.kept", "cut off", "run again"]);
-    fs::write(&kept, "notes\n").unwrap();
+    fs::write(&stored, "notes\n").unwrap();
     refused(&["report.kept, line 1", "another file"]);
-    fs::remove_file(&kept).unwrap();
+    fs::remove_file(&stored).unwrap();
     refused(&["there is no report.kept", "run them again"]);
     fs::write(drive.join("project.toml"), "").unwrap();
-    fs::write(&kept, &whole).unwrap();
+    fs::write(&stored, &whole).unwrap();
     let run = again();
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(
@@ -81,7 +81,7 @@ fn a_page_made_again_is_the_same() {
 
 #[test]
 fn a_calibration_writes_a_page() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "calibrate", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.out.contains("calibration.html"), "{}", run.out);
@@ -124,12 +124,12 @@ fn a_comparison_writes_a_page() {
     };
     let run = compare(&[]);
     assert_eq!(run.code, 0, "{}", run.err);
-    for said in [
+    for expected in [
         "median               30.00 mm",
         "half a 95 % interval",
         "no error of the registration",
     ] {
-        assert!(run.out.contains(said), "{said}: {}", run.out);
+        assert!(run.out.contains(expected), "{expected}: {}", run.out);
     }
     let headings = ["Distances between the clouds", "Input"];
     let page = assert_page(&at("out/compare.html"), &headings);
@@ -151,13 +151,13 @@ fn a_comparison_writes_a_page() {
 }
 
 #[test]
-fn a_project_that_changed_gives_its_page_again() {
-    let (_kept, drive) = simulated();
+fn a_page_written_again_does_not_depend_on_changes_to_the_project() {
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let page = drive.join("out/report.html");
     let made = fs::read(&page).unwrap();
-    // What results follow from does not change those that were found.
+    // Changed settings do not change the finished results.
     rewrite_project(&drive, |text| {
         text.replace("sigma_m = 0.005", "sigma_m = 0.02")
     });

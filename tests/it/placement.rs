@@ -1,4 +1,4 @@
-//! `georeference` with the mountings and the poses of a run.
+//! `georeference` with the mountings and poses of an earlier run.
 
 use std::fs;
 use std::path::Path;
@@ -17,9 +17,9 @@ fn same_clouds(a: &Path, b: &Path) -> [bool; 2] {
 }
 
 #[test]
-fn what_a_run_wrote_gives_its_clouds_again() {
-    let (_kept, drive) = simulated();
-    // Far from the origin, so that it is seen whether the origin is applied once.
+fn the_results_of_a_run_give_its_clouds_again() {
+    let (_temp, drive) = simulated();
+    // Far from the origin, which shows whether it is applied exactly once.
     rewrite_project(&drive, |text| {
         assert!(!text.contains("origin_m"));
         text.replace("[frame]\n", "[frame]\norigin_m = [-1000, 250, 12.5]\n")
@@ -40,25 +40,25 @@ fn what_a_run_wrote_gives_its_clouds_again() {
     let with_mountings = ["--calibration", calibration];
     let with_poses = ["--trajectory", trajectory];
 
-    let (same, said) = given(&[with_mountings, with_poses].concat());
+    let (same, output) = given(&[with_mountings, with_poses].concat());
     assert_eq!(same, [true; 2]);
     let expected = format!(
         "2 clouds, placed with the mountings of {calibration}, on the poses of {trajectory}\n"
     );
-    assert!(said.contains(&expected), "{said}");
-    let (same, said) = given(&with_mountings);
+    assert!(output.contains(&expected), "{output}");
+    let (same, output) = given(&with_mountings);
     assert_eq!(same, [true; 2]);
     assert!(
-        said.contains("on the trajectory estimated from its logs"),
-        "{said}"
+        output.contains("on the trajectory estimated from its logs"),
+        "{output}"
     );
-    let (same, said) = given(&with_poses);
+    let (same, output) = given(&with_poses);
     assert_eq!(same, [false; 2]);
-    assert!(said.contains("with the project's mountings"), "{said}");
+    assert!(output.contains("with the project's mountings"), "{output}");
     let (same, _) = given(&[]);
     assert_eq!(same, [false; 2]);
 
-    // Another drive of the same robot: its own profiles, without logs, in another order.
+    // As on another drive of the same robot: without logs, and with the scanners in another order.
     let logs = ["imu.csv", "prism.csv", "heading.csv"];
     for log in logs {
         fs::remove_file(drive.join(log)).unwrap();
@@ -74,23 +74,23 @@ fn what_a_run_wrote_gives_its_clouds_again() {
         format!("{head}{right}\n{left}\n{tail}")
     });
     let more = [&with_mountings[..], &with_poses, &["--json"]].concat();
-    let (same, said) = given(&more);
-    // Other numbers of the scanners are other bytes, of the same points.
+    let (same, output) = given(&more);
+    // The numbers of the scanners differ, so the bytes differ; the points are the same.
     assert_eq!(same, [false; 2]);
     for name in CLOUDS {
         let [before, after] = [&out, &drive.join("again")]
             .map(|folder| format::read_cloud(&folder.join(name)).unwrap().points);
         assert_eq!(before, after, "{name}");
     }
-    let said: Value = serde_json::from_str(&said).unwrap();
-    assert_eq!(said["mountings_from"], calibration);
-    assert_eq!(said["poses_from"], trajectory);
-    assert!(said["clouds"][0].as_str().unwrap().ends_with(CLOUDS[1]));
+    let output: Value = serde_json::from_str(&output).unwrap();
+    assert_eq!(output["mountings_from"], calibration);
+    assert_eq!(output["poses_from"], trajectory);
+    assert!(output["clouds"][0].as_str().unwrap().ends_with(CLOUDS[1]));
 }
 
 #[test]
-fn time_offsets_come_with_the_mountings() {
-    let (_kept, drive) = simulated();
+fn time_offsets_are_taken_from_the_calibration() {
+    let (_temp, drive) = simulated();
     let run = on_project(&drive, "calibrate", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
     let calibration = drive.join("out/calibration.toml");
@@ -113,8 +113,8 @@ fn time_offsets_come_with_the_mountings() {
         assert_eq!(run.code, 0, "{}", run.err);
         (out, run.err)
     };
-    let (plain, said) = georeferenced("plain");
-    assert!(!said.contains("time offset"), "{said}");
+    let (plain, output) = georeferenced("plain");
+    assert!(!output.contains("time offset"), "{output}");
     common::rewrite(&calibration, |text| {
         let right = text.rfind("time_offset_s = 0.0").unwrap();
         format!(
@@ -123,14 +123,14 @@ fn time_offsets_come_with_the_mountings() {
             &text[right + "time_offset_s = 0.0".len()..]
         )
     });
-    let (later, said) = georeferenced("later");
+    let (later, output) = georeferenced("later");
     assert_eq!(same_clouds(&plain, &later), [true, false]);
     let expected = "scanner `right`: the time offset is 0.25 s, as in the calibration, not 0 s";
-    assert!(said.contains(expected), "{said}");
+    assert!(output.contains(expected), "{output}");
 }
 
 #[test]
-fn what_cannot_place_points_is_named() {
+fn files_that_cannot_place_points_are_refused_with_the_reason() {
     let folder = project_of_logs();
     let at = |name: &str| folder.path().join(name);
     let scanner = |name: &str| {
@@ -192,10 +192,10 @@ fn what_cannot_place_points_is_named() {
             run.err
         );
     }
-    // Nothing was started but for the poses that turned out to be profiles.
+    // No cloud was begun.
     assert!(!at("out/cloud-left.laz").exists());
 
-    // What the project's file says of its logs does not matter where poses are given.
+    // The logs of the project need not exist if poses are given.
     fs::write(at("c.toml"), scanner("left")).unwrap();
     fs::remove_file(at("imu.csv")).unwrap();
     fs::write(

@@ -1,4 +1,4 @@
-//! Pages printed as PDF, through the real binary.
+//! Pages printed as PDF, tested with the real binary.
 
 use std::fs;
 use std::path::Path;
@@ -7,25 +7,25 @@ use std::process::Command;
 use crate::common::{Run, boresight, names, plane, simulated};
 
 #[test]
-fn no_browser_is_an_error_before_the_work_begins() {
-    let (kept, drive) = simulated();
-    let out = kept.path().join("new");
+fn a_missing_browser_is_an_error_before_the_work_begins() {
+    let (temp, drive) = simulated();
+    let out = temp.path().join("new");
     let run = Command::new(env!("CARGO_BIN_EXE_boresight"))
         .args(["run", "--pdf", "--out"])
         .args([&out, &drive.join("project.toml")])
-        .env("PATH", kept.path())
+        .env("PATH", temp.path())
         .env_remove("BORESIGHT_CHROMIUM")
         .output()
         .unwrap();
     let err = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{err}");
-    for said in ["chromium", "google-chrome", "msedge", "BORESIGHT_CHROMIUM"] {
-        assert!(err.contains(said), "{said}: {err}");
+    for expected in ["chromium", "google-chrome", "msedge", "BORESIGHT_CHROMIUM"] {
+        assert!(err.contains(expected), "{expected}: {err}");
     }
     assert!(!out.exists());
 }
 
-/// A browser of a few lines of shell, which knows the arguments as `$@` and the file to print to as `$pdf`.
+/// Prints a page with a shell script as the browser, which gets the arguments as `$@` and the output file as `$pdf`.
 #[cfg(unix)]
 fn print_with(script: &str, page: &Path) -> Run {
     use std::os::unix::fs::PermissionsExt;
@@ -49,7 +49,7 @@ fn print_with(script: &str, page: &Path) -> Run {
 
 #[cfg(unix)]
 #[test]
-fn what_is_printed_is_whole_or_not_there() {
+fn a_printed_page_is_complete_or_absent() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     plane(&at("before.csv"), 0.0);
@@ -63,22 +63,22 @@ fn what_is_printed_is_whole_or_not_there() {
     run.assert_failed_with(&["exit status: 3", "out of paper", "the page itself is there"]);
     assert!(page.is_file() && !pdf.exists());
 
-    let said = at("said");
+    let arguments = at("arguments");
     let script = format!(
         "printf '%%PDF-1.4 %%%%EOF\\n' > \"$pdf\"; printf '%s\\n' \"$@\" > '{}'",
-        said.display()
+        arguments.display()
     );
     let run = print_with(&script, &page);
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.out.contains("compare.pdf"), "{}", run.out);
     assert_eq!(fs::read(&pdf).unwrap(), b"%PDF-1.4 %%EOF\n");
-    let said = fs::read_to_string(said).unwrap();
+    let arguments = fs::read_to_string(arguments).unwrap();
     for argument in [
         "--headless=new",
         "--host-resolver-rules=MAP * ~NOTFOUND",
         "file:///",
     ] {
-        assert!(said.contains(argument), "{argument}: {said}");
+        assert!(arguments.contains(argument), "{argument}: {arguments}");
     }
     assert!(
         !names(folder.path())
@@ -87,9 +87,9 @@ fn what_is_printed_is_whole_or_not_there() {
     );
 }
 
-/// By the browser of this machine, where there is one.
+/// Uses the browser installed on this machine, if there is one.
 #[test]
-fn a_real_browser_prints_or_is_missed() {
+fn an_installed_browser_prints_a_page_and_a_missing_one_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     plane(&at("before.csv"), 0.0);

@@ -1,4 +1,4 @@
-//! A run goes on from the stages that an earlier one finished, and ends with the same bytes.
+//! A run continues from the stages that an earlier run finished, and gives the same bytes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,10 @@ use boresight::progress::{Progress, Silent};
 use boresight::project::Project;
 use serde_json::Value;
 
-/// What a run says of the stages that it did not run.
+/// Beginning of the line that lists the stages that a run did not repeat.
 const EARLIER: &str = "Finished by an earlier run: ";
 
-/// Stages of a whole run of this drive, in order.
+/// The stages of a complete run of this drive, in order.
 const ALL: [&str; 9] = [
     "reference",
     "trajectory",
@@ -26,16 +26,16 @@ const ALL: [&str; 9] = [
     "compare",
 ];
 
-/// A drive, its results, and the stages kept beside them.
+/// A drive, its results, and the stages stored beside them.
 struct Case {
-    _kept: tempfile::TempDir,
+    _temp: tempfile::TempDir,
     drive: PathBuf,
 }
 
 impl Case {
     fn new() -> Self {
-        let (kept, drive) = simulated();
-        Self { _kept: kept, drive }
+        let (temp, drive) = simulated();
+        Self { _temp: temp, drive }
     }
 
     fn out(&self) -> PathBuf {
@@ -46,7 +46,7 @@ impl Case {
         self.drive.join("out.finished")
     }
 
-    /// Runs the project; returns which stages it did not run.
+    /// Runs the project; returns the stages that it did not repeat.
     fn run(&self, more: &[&str]) -> Vec<String> {
         let run = on_project(&self.drive, "run", more);
         assert_eq!(run.code, 0, "{}", run.err);
@@ -59,10 +59,10 @@ impl Case {
             .collect()
     }
 
-    /// The kept stage of this name.
+    /// The file of the stored stage with this name.
     fn stage(&self, name: &str) -> PathBuf {
-        let is_it = |kept: &&String| {
-            let stem = kept.strip_suffix(".kept").unwrap_or_default();
+        let is_it = |file: &&String| {
+            let stem = file.strip_suffix(".kept").unwrap_or_default();
             stem.rsplit_once('-')
                 .is_some_and(|(stage, _)| stage == name)
         };
@@ -70,7 +70,7 @@ impl Case {
         self.finished().join(all.iter().find(is_it).unwrap())
     }
 
-    /// Another drive of the same kind, beside this one.
+    /// A copy of the drive beside it.
     fn another(&self) -> PathBuf {
         let other = self.drive.with_file_name("drive-2");
         fs::create_dir(&other).unwrap();
@@ -83,21 +83,21 @@ impl Case {
     }
 }
 
-/// Takes the last row off a table.
+/// Removes the last row of a table.
 fn shorten(table: &Path) {
     let text = fs::read_to_string(table).unwrap();
     let shorter = text.trim_end().rsplit_once('\n').unwrap().0;
     fs::write(table, format!("{shorter}\n")).unwrap();
 }
 
-/// Results are whole files of their own, whatever becomes of what is kept.
+/// Removes the results, which are independent of the stored stages.
 fn remove_results(out: &Path) {
     fs::remove_dir_all(out).unwrap();
 }
 
-/// Which stages are found, and which are not, is tested where they are kept (`pipeline::job`, `pipeline::keys`).
+/// The modules that store stages test in detail which ones are reused (`pipeline::job`, `pipeline::keys`).
 #[test]
-fn a_run_goes_on_from_what_an_earlier_one_finished() {
+fn a_run_continues_from_the_stages_that_an_earlier_one_finished() {
     let case = Case::new();
     assert_eq!(case.run(&[]), [""; 0]);
     let whole = results(&case.out());
@@ -115,13 +115,13 @@ fn a_run_goes_on_from_what_an_earlier_one_finished() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn finished_stages_are_found_again() {
+fn finished_stages_are_not_repeated() {
     let case = Case::new();
     assert_eq!(case.run(&[]), [""; 0]);
     let whole = results(&case.out());
     assert_eq!(case.run(&[]), ALL);
     assert_same(&results(&case.out()), &whole);
-    // Also where nothing but the kept stages is left.
+    // Even if only the stored stages are left.
     remove_results(&case.out());
     assert_eq!(case.run(&["--threads", "1"]), ALL);
     assert_same(&results(&case.out()), &whole);
@@ -131,7 +131,7 @@ fn finished_stages_are_found_again() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn every_single_stage_that_is_missing_is_run_again() {
+fn each_missing_stage_is_run_again() {
     let case = Case::new();
     case.run(&[]);
     let whole = results(&case.out());
@@ -146,7 +146,7 @@ fn every_single_stage_that_is_missing_is_run_again() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn what_is_not_whole_is_not_read() {
+fn damaged_stages_are_run_again() {
     let case = Case::new();
     case.run(&[]);
     let whole = results(&case.out());
@@ -175,7 +175,7 @@ fn what_is_not_whole_is_not_read() {
         assert_eq!(again.len(), ALL.len() - 1, "{what}");
         assert_same(&results(&case.out()), &whole);
     }
-    // A cloud that somebody edits in place may be the very file that is kept.
+    // A cloud that is edited in place may be the same file as the stored one.
     let cloud = case.out().join("cloud-left.laz");
     let mut bytes = fs::read(&cloud).unwrap();
     bytes[1000] ^= 1;
@@ -186,18 +186,17 @@ fn what_is_not_whole_is_not_read() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn stages_follow_their_inputs_and_settings() {
+fn stages_are_run_again_if_their_inputs_or_settings_change() {
     let case = Case::new();
     case.run(&[]);
     let again = |expected: &[&str]| {
-        let found = case.run(&[]);
-        assert_eq!(found, expected);
-        // As if nothing had been there.
+        assert_eq!(case.run(&[]), expected);
+        // The results are those of a run from scratch.
         let whole = results(&case.out());
         case.run(&["--fresh"]);
         assert_same(&results(&case.out()), &whole);
     };
-    // What only says how the result is judged.
+    // A setting that only affects how the result is judged.
     rewrite_project(&case.drive, |text| {
         format!("{text}\n[acceptance]\nsigma_translation_m = 0.1\n")
     });
@@ -208,7 +207,7 @@ fn stages_follow_their_inputs_and_settings() {
     again(&ALL[..8]);
     change_project(&case.drive, "neighbours = 20", "neighbours = 21");
     again(&["reference", "trajectory"]);
-    // The content of a file counts, not its name or time.
+    // Only the content of a file counts, not its name or time.
     let log = case.drive.join("prism.csv");
     let text = fs::read_to_string(&log).unwrap();
     fs::write(&log, &text).unwrap();
@@ -219,7 +218,7 @@ fn stages_follow_their_inputs_and_settings() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn nothing_but_stages_of_the_last_run_is_kept() {
+fn only_stages_of_the_last_run_are_stored_and_other_files_are_left_alone() {
     let case = Case::new();
     fs::create_dir(case.finished()).unwrap();
     let foreign = [
@@ -232,7 +231,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
     }
     case.run(&[]);
     let first = names(&case.finished());
-    // Nine values and two clouds.
+    // A file for each of nine stages, and two clouds.
     assert_eq!(first.len(), foreign.len() + ALL.len() + 2, "{first:?}");
     change_project(&case.drive, "neighbours = 20", "neighbours = 21");
     let run = on_project(&case.drive, "run", &[]);
@@ -248,11 +247,11 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
             "mine"
         );
     }
-    // The size is stated.
-    let kept = second
+    // The summary states the size.
+    let stored = second
         .iter()
         .filter(|name| !foreign.contains(&name.as_str()));
-    let bytes: u64 = kept
+    let bytes: u64 = stored
         .map(|name| fs::metadata(case.finished().join(name)).unwrap().len())
         .sum();
     let stated = format!(
@@ -264,7 +263,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn a_run_does_without_what_it_cannot_keep() {
+fn a_run_that_cannot_store_stages_warns_once_and_finishes() {
     let case = Case::new();
     fs::write(case.finished(), "a file of the user").unwrap();
     let run = on_project(&case.drive, "run", &[]);
@@ -286,7 +285,7 @@ fn a_run_does_without_what_it_cannot_keep() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn other_drives_are_inputs_too() {
+fn changes_to_other_drives_run_stages_again() {
     let case = Case::new();
     let other = case.another();
     rewrite_project(&case.drive, |text| {
@@ -341,7 +340,7 @@ impl Progress for Meddler {
 
 #[test]
 #[ignore = "just acceptance"]
-fn what_follows_from_files_that_change_is_said_and_not_kept() {
+fn an_input_that_changes_during_a_run_is_reported_and_later_stages_are_not_stored() {
     let case = Case::new();
     let project = Project::read(&case.drive.join("project.toml")).unwrap();
     let options = Options {
@@ -355,14 +354,14 @@ fn what_follows_from_files_that_change_is_said_and_not_kept() {
         stage: "joint adjustment",
         file: file.clone(),
     };
-    let found = pipeline::run(&project, &options, &meddler).unwrap();
-    let warnings = found.result["warnings"].as_array().unwrap();
+    let outcome = pipeline::run(&project, &options, &meddler).unwrap();
+    let warnings = outcome.result["warnings"].as_array().unwrap();
     let changed = |warning: &&Value| {
         let text = warning.as_str().unwrap();
         text.contains("prism.csv changed during this run")
     };
     assert_eq!(warnings.iter().filter(changed).count(), 1, "{warnings:?}");
-    // What it was is there again: stages before the change hold.
+    // With the original content restored, the stages before the change are valid.
     fs::write(&file, before).unwrap();
     let again = pipeline::run(&project, &options, &Silent).unwrap();
     let begin =
@@ -378,7 +377,7 @@ fn what_follows_from_files_that_change_is_said_and_not_kept() {
 #[cfg(unix)]
 #[test]
 #[ignore = "just acceptance"]
-fn one_folder_has_one_set_of_stages_whatever_leads_to_it() {
+fn a_folder_has_one_set_of_stages_whatever_path_leads_to_it() {
     let case = Case::new();
     case.run(&[]);
     let link = case.drive.join("link");

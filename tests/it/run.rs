@@ -9,10 +9,10 @@ use crate::common::{boresight, on_project, rewrite_project, simulated};
 use serde_json::Value;
 
 #[test]
-fn the_same_bytes_on_one_and_on_two_threads() {
-    let (_kept, drive) = simulated();
+fn a_run_writes_the_same_bytes_with_one_thread_and_two() {
+    let (_temp, drive) = simulated();
     let [one, two] = ["1", "2"].map(|threads| {
-        let out = drive.join(format!("on {threads}"));
+        let out = drive.join(format!("threads {threads}"));
         let run = on_project(
             &drive,
             "run",
@@ -37,9 +37,9 @@ fn the_same_bytes_on_one_and_on_two_threads() {
 }
 
 #[test]
-fn every_command_answers_in_json_and_keeps_quiet() {
-    let (kept, drive) = simulated();
-    let out = kept.path().join("results");
+fn every_command_prints_json_and_is_silent_with_quiet() {
+    let (temp, drive) = simulated();
+    let out = temp.path().join("results");
     let out = out.to_str().unwrap();
     let answers = |arguments: &[&str]| {
         let run = boresight(&[arguments, &["--json", "--quiet"]].concat());
@@ -63,7 +63,8 @@ fn every_command_answers_in_json_and_keeps_quiet() {
     answers(&["compare", &cloud("left"), &cloud("right"), "--out", out]);
 }
 
-/// The text of a `calibration.toml` below its comments, which also judge the distances that a run finds.
+/// The text of a `calibration.toml` without its leading comments, which also judge the distances that
+/// only a run evaluates.
 fn mountings(out: &Path) -> String {
     let text = fs::read_to_string(out.join("calibration.toml")).unwrap();
     let (_, tables) = text.split_once("[[scanner]]").unwrap();
@@ -71,9 +72,9 @@ fn mountings(out: &Path) -> String {
 }
 
 #[test]
-fn a_calibration_is_that_of_a_run() {
-    let (_kept, drive) = simulated();
-    // On larger patches, this little ground is too little.
+fn calibrate_writes_the_same_calibration_as_run() {
+    let (_temp, drive) = simulated();
+    // The simulated ground is too small for larger surfels.
     rewrite_project(&drive, |text| format!("{text}\n[joint]\nsurfel_m = 0.2\n"));
     let run = on_project(&drive, "run", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -91,11 +92,11 @@ fn a_calibration_is_that_of_a_run() {
     let document = |more: &[&str]| -> Value {
         serde_json::from_str(&calibrated(&[more, &["--json"]].concat())).unwrap()
     };
-    let found = document(&[]);
-    assert_eq!(found["calibration"]["method"], "joint");
+    let joint = document(&[]);
+    assert_eq!(joint["calibration"]["method"], "joint");
     for key in ["scanners", "calibration", "two_steps", "trajectory"] {
         assert_eq!(
-            timeless(found[key].clone()),
+            timeless(joint[key].clone()),
             timeless(whole[key].clone()),
             "{key}"
         );
@@ -105,30 +106,30 @@ fn a_calibration_is_that_of_a_run() {
         fs::read(alone.join("mounting.csv")).unwrap(),
         fs::read(out.join("mounting.csv")).unwrap()
     );
-    let said = "These are the values of the joint adjustment";
+    let sentence = "These are the values of the joint adjustment";
     let page = fs::read_to_string(alone.join("calibration.html")).unwrap();
-    assert!(page.contains(said));
-    assert!(calibrated(&[]).contains(said));
+    assert!(page.contains(sentence));
+    assert!(calibrated(&[]).contains(sentence));
 
-    let before = document(&["--method", "two-step"]);
-    assert_eq!(before["calibration"]["method"], "two-step");
-    assert!(before["calibration"].get("joint").is_none());
+    let two_step = document(&["--method", "two-step"]);
+    assert_eq!(two_step["calibration"]["method"], "two-step");
+    assert!(two_step["calibration"].get("joint").is_none());
     rewrite_project(&drive, |text| {
         text.replace("[calibration]", "[calibration]\nmethod = \"two-step\"")
     });
-    let own = document(&[]);
+    let from_project = document(&[]);
     assert_eq!(
-        timeless(own["scanners"].clone()),
-        timeless(before["scanners"].clone())
+        timeless(from_project["scanners"].clone()),
+        timeless(two_step["scanners"].clone())
     );
-    let found = document(&["--method", "joint"]);
-    assert_eq!(found["scanners"], whole["scanners"]);
+    let joint = document(&["--method", "joint"]);
+    assert_eq!(joint["scanners"], whole["scanners"]);
 }
 
 #[test]
-fn what_cannot_be_calibrated_is_refused_before_the_work() {
+fn a_project_that_cannot_be_calibrated_is_refused_before_the_work() {
     let refused = |edit: &dyn Fn(&Path), expected: &[&str]| {
-        let (_kept, drive) = simulated();
+        let (_temp, drive) = simulated();
         edit(&drive);
         for command in ["calibrate", "run"] {
             let start = Instant::now();
@@ -161,7 +162,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
             fs::write(drive.join("far.csv"), far).unwrap();
             rewrite_project(drive, |text| text.replace("../tls.laz", "far.csv"));
         },
-        // Nothing that was simulated reaches beyond 10 m.
+        // The simulated field ends within 10 m.
         &["far.csv", "do not overlap", "the gap is 9", "remedy: "],
     );
     refused(
@@ -172,7 +173,7 @@ fn what_cannot_be_calibrated_is_refused_before_the_work() {
 
 #[test]
 fn variants_of_a_project_run() {
-    let (_kept, drive) = simulated();
+    let (_temp, drive) = simulated();
     let project = fs::read_to_string(drive.join("project.toml")).unwrap();
     let variant = |edit: &dyn Fn(&str) -> String| {
         rewrite_project(&drive, |_| edit(&project));
@@ -190,7 +191,7 @@ fn variants_of_a_project_run() {
     // With exact poses the mounting comes out close to the scenario's.
     let height = &result["scanners"]["left"]["body_from_scanner"]["translation_m"][2];
     assert!((height.as_f64().unwrap() - 0.587).abs() < 0.005, "{height}");
-    // What has no standard deviations is not adjusted.
+    // Poses without standard deviations are not adjusted.
     let joint = &result["calibration"]["joint"];
     let refused = joint["refused"].as_str().unwrap();
     assert!(refused.contains("no standard deviations"), "{refused}");
@@ -233,9 +234,9 @@ fn variants_of_a_project_run() {
 }
 
 #[test]
-fn of_several_files_each_is_told_what_is_wrong_with_it() {
-    let (kept, drive) = simulated();
-    let notes = kept.path().join("notes.txt");
+fn inspect_reports_on_every_file_it_is_given() {
+    let (temp, drive) = simulated();
+    let notes = temp.path().join("notes.txt");
     fs::write(&notes, "dear diary,\nit rained\n").unwrap();
     let profiles = drive.join("left.bin");
     let run = boresight(&[

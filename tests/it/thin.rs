@@ -1,4 +1,4 @@
-//! `boresight thin` through the real binary, on clouds it may not be given whole.
+//! `boresight thin` through the real binary, on complete and truncated clouds.
 
 use std::collections::HashSet;
 use std::fs;
@@ -11,8 +11,8 @@ use serde_json::Value;
 
 const N: usize = 120_000;
 
-/// Point number `i` of a rough surface of 4 m by 2 m at projected coordinates, on the step of the
-/// file.
+/// Point number `i` of a rough surface of 4 m by 2 m at projected coordinates, rounded to the
+/// resolution of the file.
 fn point(i: usize) -> Vec3 {
     let (a, b) = ((i * 7919 % N) as f64 / N as f64, (i % 997) as f64 / 997.0);
     let up = 0.05 * (5.0 * a).sin() + 0.003 * (i % 13) as f64;
@@ -42,7 +42,7 @@ fn run(cloud: &Path, out: &Path, more: &[&str]) -> (PathBuf, Value) {
 }
 
 #[test]
-fn one_point_a_voxel_is_written_with_all_it_carries() {
+fn one_point_per_voxel_is_written_with_all_its_attributes() {
     let folder = tempfile::tempdir().unwrap();
     let cloud = folder.path().join("scan.laz");
     write_laz(&cloud);
@@ -51,25 +51,29 @@ fn one_point_a_voxel_is_written_with_all_it_carries() {
     let whole = las::Reader::from_path(&cloud).unwrap().read_all().unwrap();
     let whole: Vec<las::Point> = whole.points().map(|p| p.unwrap()).collect();
     let positions: Vec<Vec3> = whole.iter().map(|p| Vec3::new(p.x, p.y, p.z)).collect();
-    let kept = boresight::cloud::voxel::thin(&positions, 0.02);
-    let found = las::Reader::from_path(&thinned)
+    let indices = boresight::cloud::voxel::thin(&positions, 0.02);
+    let written = las::Reader::from_path(&thinned)
         .unwrap()
         .read_all()
         .unwrap();
-    let found: Vec<las::Point> = found.points().map(|p| p.unwrap()).collect();
-    assert_eq!(found.len(), kept.len());
-    for (found, index) in found.iter().zip(&kept) {
-        assert_eq!(found, &whole[*index as usize]);
+    let written: Vec<las::Point> = written.points().map(|p| p.unwrap()).collect();
+    assert_eq!(written.len(), indices.len());
+    for (point, index) in written.iter().zip(&indices) {
+        assert_eq!(point, &whole[*index as usize]);
     }
     let voxels: HashSet<[i64; 3]> = positions
         .iter()
         .map(|p| p.map(|v| (v / 0.02).floor() as i64).into())
         .collect();
-    assert_eq!(found.len(), voxels.len());
-    assert!(found.len() < N / 2 && found.len() > 1000, "{}", found.len());
+    assert_eq!(written.len(), voxels.len());
+    assert!(
+        written.len() < N / 2 && written.len() > 1000,
+        "{}",
+        written.len()
+    );
 
     assert_eq!(document["points"]["read"], N);
-    assert_eq!(document["points"]["kept"], kept.len());
+    assert_eq!(document["points"]["kept"], indices.len());
     assert_eq!(document["voxel_m"], 0.02);
     for stage in ["read", "thin", "write"] {
         assert!(document["stages"][stage]["seconds"].as_f64().unwrap() > 0.0);
@@ -79,7 +83,7 @@ fn one_point_a_voxel_is_written_with_all_it_carries() {
 }
 
 #[test]
-fn bytes_are_the_same_at_any_number_of_threads() {
+fn the_bytes_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let cloud = folder.path().join("scan.laz");
     write_laz(&cloud);
@@ -104,20 +108,20 @@ fn clouds_of_other_formats_are_thinned_as_well() {
     fs::write(&cloud, text).unwrap();
     let (thinned, _) = run(&cloud, &folder.path().join("out"), &["--voxel-m", "0.05"]);
     assert!(thinned.ends_with("out/scan-thinned.laz"));
-    let (whole, found) = (read_cloud(&cloud).unwrap(), read_cloud(&thinned).unwrap());
-    let kept = boresight::cloud::voxel::thin(&whole.points, 0.05);
-    assert_eq!(found.points.len(), kept.len());
-    for (at, &index) in kept.iter().enumerate() {
+    let (whole, written) = (read_cloud(&cloud).unwrap(), read_cloud(&thinned).unwrap());
+    let indices = boresight::cloud::voxel::thin(&whole.points, 0.05);
+    assert_eq!(written.points.len(), indices.len());
+    for (at, &index) in indices.iter().enumerate() {
         let index = index as usize;
-        assert_eq!(found.time_s[at], whole.time_s[index]);
-        assert_eq!(found.intensity[at], whole.intensity[index]);
-        // Half a step of the file, and the rounding of coordinates of 5 · 10⁶ m.
-        assert!((found.points[at] - whole.points[index]).amax() < 0.5e-5 + 2e-9);
+        assert_eq!(written.time_s[at], whole.time_s[index]);
+        assert_eq!(written.intensity[at], whole.intensity[index]);
+        // Half the resolution of the file, and the rounding of coordinates of 5 · 10⁶ m.
+        assert!((written.points[at] - whole.points[index]).amax() < 0.5e-5 + 2e-9);
     }
 }
 
 #[test]
-fn what_cannot_be_thinned_is_refused_with_one_clear_message() {
+fn broken_clouds_and_voxel_sizes_are_refused_with_one_clear_message() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let cloud = path("scan.laz");

@@ -15,7 +15,7 @@ use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::trajectory::Trajectory;
 
-/// The known rotation has two decimals, and other starts end up to 0.02° apart.
+/// The known rotation is given to two decimals, and different starts end up to 0.02° apart.
 const NEAR_DEG: f64 = 0.03;
 
 fn calibrated(project: &Project) -> Calibration {
@@ -23,40 +23,40 @@ fn calibrated(project: &Project) -> Calibration {
     calibrate(project, &project.calibration, &poses, &[]).unwrap()
 }
 
-fn rotation_deg(found: &BodyFromScanner) -> Vec3 {
-    so3::log(&found.rotation).map(f64::to_degrees)
+fn rotation_deg(mounting: &BodyFromScanner) -> Vec3 {
+    so3::log(&mounting.rotation).map(f64::to_degrees)
 }
 
 /// Largest difference to the known rotation on any axis, degrees.
-fn off_deg(found: &BodyFromScanner) -> f64 {
-    (rotation_deg(found) - Vec3::from(KNOWN_DEG)).amax()
+fn error_deg(mounting: &BodyFromScanner) -> f64 {
+    (rotation_deg(mounting) - Vec3::from(KNOWN_DEG)).amax()
 }
 
-/// Median distance from a point of the second pass, which has 6,401 points, to the nearest of the
-/// first, which has 20,013, metres. From there the known rotation gives 0.554 m → 0.0455 m; the
-/// other way round the sparse pass's own spacing, 0.066 m, would be all that is seen.
+/// Median distance in metres from a point of the second pass, which has 6,401 points, to the nearest
+/// of the first, which has 20,013. In this direction the known rotation reduces it from 0.554 m to
+/// 0.0455 m; in the other, the point spacing of the sparse pass, 0.066 m, would hide the effect.
 fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
     let poses = stages::poses(project, &Silent).unwrap();
     gap_with_m(project, poses.trajectory(), mounting)
 }
 
-/// The same with other poses than the file's.
+/// The same with poses other than those of the file.
 fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromScanner) -> f64 {
-    let kept = clouds::stream(project, trajectory, None, &Silent).unwrap();
-    let placed = clouds::place(project, trajectory, Mounted::rigid(&[*mounting]), &kept);
+    let streamed = clouds::stream(project, trajectory, None, &Silent).unwrap();
+    let placed = clouds::place(project, trajectory, Mounted::rigid(&[*mounting]), &streamed);
     // The passes are 41 s apart.
     let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
-    let split = kept[0]
+    let split = streamed[0]
         .points
         .partition_point(|(_, point)| point.time_s < middle_s);
     let (first, second) = placed[0].split_at(split);
     let index = NeighbourIndex::new(first);
-    let mut found = Vec::new();
+    let mut nearest = Vec::new();
     let mut gaps: Vec<f64> = second
         .iter()
         .map(|point| {
-            index.nearest(point, 1, &mut found);
-            (first[found[0] as usize] - point).norm()
+            index.nearest(point, 1, &mut nearest);
+            (first[nearest[0] as usize] - point).norm()
         })
         .collect();
     gaps.sort_by(f64::total_cmp);
@@ -64,11 +64,11 @@ fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromSca
 }
 
 #[test]
-fn from_zero_the_rotation_is_found_and_the_passes_meet() {
+fn a_start_at_zero_ends_at_the_known_rotation_and_the_passes_coincide() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(Vec3::zeros(), folder.path());
-    let found = calibrated(&project);
-    let pose = found.mountings[0].body_from_scanner;
+    let calibration = calibrated(&project);
+    let pose = calibration.mountings[0].body_from_scanner;
     let (before, after) = (
         gap_m(&project, &BodyFromScanner::identity()),
         gap_m(&project, &pose),
@@ -76,17 +76,17 @@ fn from_zero_the_rotation_is_found_and_the_passes_meet() {
     println!(
         "rotation vector {:?}°, gap {before:.3} m → {after:.3} m, sigmas {:?} rad",
         rotation_deg(&pose).as_slice(),
-        found.sigmas(0, found.mountings[0].convention)
+        calibration.sigmas(0, calibration.mountings[0].convention)
     );
-    assert!(found.converged);
-    assert!(off_deg(&pose) < NEAR_DEG, "{}", rotation_deg(&pose));
+    assert!(calibration.converged);
+    assert!(error_deg(&pose) < NEAR_DEG, "{}", rotation_deg(&pose));
     assert_eq!(pose.translation_m, Vec3::zeros(), "the lever arm is held");
     assert!(before > 0.3 && after <= 0.05, "gap {before} m → {after} m");
 }
 
-/// Poses that may be off by 2 cm and 0.05° for some seconds, corrected along with the rotation.
+/// Poses with errors of up to 2 cm and 0.05° over some seconds, corrected together with the rotation.
 #[test]
-fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
+fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
     let folder = tempfile::tempdir().unwrap();
     let prior = "sigma_position_m = 0.02\nsigma_rotation_deg = 0.05";
     let project = project_with(prior, Vec3::zeros(), folder.path());
@@ -112,46 +112,46 @@ fn poses_adjusted_along_bring_the_passes_no_farther_apart() {
         reference: &[],
     };
     let surfel_m = settings.surfel_size_m(0.05);
-    let found = adjust(&input, &settings, surfel_m, &Silent).unwrap();
+    let adjusted = adjust(&input, &settings, surfel_m, &Silent).unwrap();
     let [before, after] =
-        [&two_steps.mountings[0], &found.mountings[0]].map(|m| m.body_from_scanner);
-    let off_deg = so3::log(&(before.rotation.inverse() * after.rotation)).map(f64::to_degrees);
+        [&two_steps.mountings[0], &adjusted.mountings[0]].map(|m| m.body_from_scanner);
+    let turn_deg = so3::log(&(before.rotation.inverse() * after.rotation)).map(f64::to_degrees);
     let fixed_m = gap_m(&project, &before);
-    let adjusted_m = gap_with_m(&project, &found.drives[0].trajectory, &after);
-    let sigma_deg = |i: usize| found.covariance[(i, i)].sqrt().to_degrees();
+    let adjusted_m = gap_with_m(&project, &adjusted.drives[0].trajectory, &after);
+    let sigma_deg = |i: usize| adjusted.covariance[(i, i)].sqrt().to_degrees();
     println!(
         "turned by {:?}°, sigmas {:?}°, gap {fixed_m:.4} m → {adjusted_m:.4} m; {} surfels, {} rows, \
          {} iterations, {:?}",
-        off_deg.as_slice(),
+        turn_deg.as_slice(),
         [3, 4, 5].map(sigma_deg),
-        found.surfels,
-        found.rows,
-        found.iterations,
-        found.groups
+        adjusted.surfels,
+        adjusted.rows,
+        adjusted.iterations,
+        adjusted.groups
     );
     assert_eq!(after.translation_m, Vec3::zeros(), "the lever arm is held");
-    assert!(off_deg.amax() < 0.15, "{off_deg}");
+    assert!(turn_deg.amax() < 0.15, "{turn_deg}");
     assert!(adjusted_m <= fixed_m, "gap {fixed_m} m → {adjusted_m} m");
 }
 
-/// A start at zero falls into a local minimum 1.71e-3 at the fine scales alone. Coarse scales carry
-/// past it, and not by the luck of one start: every corner of a cube of ± 2° around zero, which
-/// reaches 4.5° from the solution, ends there too.
+/// With the fine scales alone, a start at zero ends in a local minimum of 1.71e-3. Coarse scales lead
+/// past it, and not only by luck: every corner of a cube of ± 2° around zero, up to 4.5° from the
+/// solution, ends at the solution too.
 #[test]
-fn the_local_minimum_is_escaped_from_wherever_one_starts() {
+fn coarse_scales_lead_past_the_local_minimum_from_every_start() {
     for corner in 0..8 {
         let sign = |bit: i32| if corner >> bit & 1 == 0 { -2.0 } else { 2.0 };
         let start = Vec3::new(sign(0), sign(1), sign(2));
         let folder = tempfile::tempdir().unwrap();
-        let found = calibrated(&project(start, folder.path()));
-        let mounting = found.mountings[0].body_from_scanner;
+        let calibration = calibrated(&project(start, folder.path()));
+        let mounting = calibration.mountings[0].body_from_scanner;
         println!(
             "from {:?}: {:?}",
             start.as_slice(),
             rotation_deg(&mounting).as_slice()
         );
         assert!(
-            off_deg(&mounting) < NEAR_DEG,
+            error_deg(&mounting) < NEAR_DEG,
             "from {start}: {}",
             rotation_deg(&mounting)
         );
@@ -159,17 +159,17 @@ fn the_local_minimum_is_escaped_from_wherever_one_starts() {
 }
 
 #[test]
-fn poses_beside_points_lead_back_to_the_points() {
+fn poses_stored_with_the_points_reproduce_the_points() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
     let identity = BodyFromScanner::identity();
-    let kept = clouds::stream(&project, poses.trajectory(), None, &Silent).unwrap();
+    let streamed = clouds::stream(&project, poses.trajectory(), None, &Silent).unwrap();
     let placed = clouds::place(
         &project,
         poses.trajectory(),
         Mounted::rigid(&[identity]),
-        &kept,
+        &streamed,
     );
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&truck())
         .unwrap()
@@ -183,32 +183,32 @@ fn poses_beside_points_lead_back_to_the_points() {
     assert_eq!(ours, file);
 }
 
-/// The file's own grid.
+/// Rounded to the resolution of the file.
 fn millimetres(point: &Vec3) -> [i64; 3] {
     [point.x, point.y, point.z].map(|x| (x * 1e3).round() as i64)
 }
 
-/// The calibration as commands make it: with coarser scales where the passes lie farther apart than the
-/// project's reach.
+/// The calibration as the commands run it: coarser scales come first where the passes lie farther
+/// apart than the project's scales reach.
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
     let samples = stages::samples(project, poses.trajectory(), &Silent).unwrap();
     let start = start(project, poses.trajectory(), &samples, &[], &Silent);
-    let own = |code: &str| code == "mounting.start";
-    let mut said = start.said.iter();
+    let mut verdicts = start.verdicts.iter();
     assert!(
-        said.all(|v| own(&v.code) || !v.severity.is_marked()),
+        verdicts.all(|v| v.code == "mounting.start" || !v.severity.is_marked()),
         "{:?}",
-        start.said
+        start.verdicts
     );
     let settings = start.settings(project);
     let project = start.project(project);
-    let found = stages::calibration(&project, &settings, &poses, &samples, &[], &Silent).unwrap();
-    (found, settings.voxel_sizes_m)
+    let calibration =
+        stages::calibration(&project, &settings, &poses, &samples, &[], &Silent).unwrap();
+    (calibration, settings.voxel_sizes_m)
 }
 
 #[test]
-fn starts_ten_degrees_off_and_scales_too_fine_end_at_the_same_rotation() {
+fn starts_ten_degrees_off_and_too_fine_scales_end_at_the_known_rotation() {
     let all = vec![2.0, 1.0, 0.5, 0.25, 0.1, 0.05];
     let starts = (0..6).map(|i| {
         let mut start = Vec3::zeros();
@@ -220,14 +220,14 @@ fn starts_ten_degrees_off_and_scales_too_fine_end_at_the_same_rotation() {
         let folder = tempfile::tempdir().unwrap();
         let mut project = project(start, folder.path());
         project.calibration.voxel_sizes_m = sizes;
-        let (found, sizes) = calibrated_from_the_misfit(&project);
-        let mounting = found.mountings[0].body_from_scanner;
+        let (calibration, sizes) = calibrated_from_the_misfit(&project);
+        let mounting = calibration.mountings[0].body_from_scanner;
         println!(
             "from {:?} with {sizes:?}: {:?}, off {}",
             start.as_slice(),
             rotation_deg(&mounting).as_slice(),
-            off_deg(&mounting)
+            error_deg(&mounting)
         );
-        assert!(off_deg(&mounting) < NEAR_DEG);
+        assert!(error_deg(&mounting) < NEAR_DEG);
     }
 }

@@ -1,4 +1,4 @@
-//! What is said of results, and where, through the real binary.
+//! Which verdicts on a result are shown where, through the real binary.
 
 use std::fs;
 use std::path::Path;
@@ -30,8 +30,8 @@ fn codes(document: &Value) -> Vec<String> {
 }
 
 #[test]
-fn a_fault_stands_first_and_ends_with_3_where_that_is_asked_for() {
-    let (_kept, drive) = simulated();
+fn a_fault_is_printed_first_and_exits_with_3_under_strict() {
+    let (_temp, drive) = simulated();
     let exchanged = [
         ("gyro_x_rad_s", "gyro_z_rad_s"),
         ("gyro_z_rad_s", "gyro_x_rad_s"),
@@ -41,7 +41,7 @@ fn a_fault_stands_first_and_ends_with_3_where_that_is_asked_for() {
     rename(&drive, "imu.csv", &exchanged);
     let run = on_project(&drive, "inspect", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let first = "result: not usable\n\n! By gravity the x axis of the IMU is the vertical one";
+    let first = "result: not usable\n\n! According to gravity, the x axis of the IMU is vertical";
     assert!(run.out.starts_with(first), "{}", run.out);
     assert_eq!(on_project(&drive, "inspect", &["--strict"]).code, 3);
     let run = on_project(&drive, "inspect", &["--json"]);
@@ -51,8 +51,8 @@ fn a_fault_stands_first_and_ends_with_3_where_that_is_asked_for() {
 }
 
 #[test]
-fn units_end_before_anything_is_computed_and_are_converted_where_they_are_named() {
-    let (_kept, drive) = simulated();
+fn wrong_units_are_refused_before_the_work_and_named_units_are_converted() {
+    let (_temp, drive) = simulated();
     let names =
         ["x", "y", "z"].map(|axis| (format!("gyro_{axis}_rad_s"), format!("gyro_{axis}_deg_s")));
     let names = names
@@ -81,8 +81,8 @@ fn units_end_before_anything_is_computed_and_are_converted_where_they_are_named(
 }
 
 #[test]
-fn what_needs_care_goes_with_the_mountings() {
-    let (_kept, drive) = simulated();
+fn a_result_to_use_with_care_is_marked_in_the_calibration_file() {
+    let (_temp, drive) = simulated();
     rewrite_project(&drive, |text| {
         text.to_owned() + "\n[acceptance]\nsigma_translation_m = 1e-6\n"
     });

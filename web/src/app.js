@@ -17,7 +17,7 @@ import { Reference } from './view/reference.js';
 import { Stage } from './view/stage.js';
 import { SurfelLayer } from './view/surfels.js';
 
-/** How long points take from one mounting to the next, milliseconds. */
+/** Duration of the transition from one mounting to the next, milliseconds. */
 const MOVES_MS = 450;
 /** Edge of a point, metres. */
 const POINT_M = 0.009;
@@ -256,7 +256,7 @@ export class App {
     this.stage.ask();
   }
 
-  /** Points as large as they lie apart, at least a pixel and a half. */
+  /** Draws points as large as their spacing, at least a pixel and a half. */
   fitPoints() {
     const { renderer, camera } = this.stage;
     const ratio = renderer.getPixelRatio();
@@ -283,7 +283,7 @@ export class App {
     this.select(pick(this.stage.camera, this.size(), positions, this.ranges(), x, y));
   }
 
-  /** Where a point is on the canvas, CSS pixels. */
+  /** The position of a point on the canvas, CSS pixels. */
   placeOf(point) {
     return project(this.stage.camera, this.size(), this.drive.positions(this.variant).subarray(3 * point, 3 * point + 3));
   }

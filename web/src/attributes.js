@@ -1,14 +1,14 @@
-// What points can be coloured by: a byte for each point, a table of colours, and a legend.
+// The attributes by which points can be coloured: a byte for each point, a table of colours, and a legend.
 
 import { along, gradient, table, turns } from './colours.js';
 import { fixed, millimetres, seconds } from './text.js';
 
-/** Sizes of distances to which colours can reach, metres. */
+/** Limits of distances to choose from for the colours, metres. */
 const NICE = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
 
 const DISTANCE = 'M3C2 distance';
 
-/** The names of what a drive can be coloured by. */
+/** The names of the attributes by which a drive can be coloured. */
 export function namesFor(drive) {
   const last = drive.variants[drive.variants.length - 1];
   const carried = last.attributes.filter((a) => a.values.some((v) => v.some((byte) => byte > 0)));
@@ -18,7 +18,7 @@ export function namesFor(drive) {
   return [...names, 'time', 'height'];
 }
 
-/** The smallest nice size of distances of the last variant that 97 % of them do not exceed, metres. */
+/** The smallest round limit that 97 % of the distances of the last variant do not exceed, metres. */
 export function distanceLimit(drive) {
   const last = drive.variants[drive.variants.length - 1];
   const attribute = last.attributes.find((a) => a.name === DISTANCE);
@@ -38,7 +38,7 @@ export function limits() {
   return NICE;
 }
 
-/** Bytes by point, colours by byte, and the legend of what a drive is coloured by. */
+/** Bytes by point, colours by byte, and the legend for an attribute. */
 export function colouring(drive, variant, name, limitM, theme) {
   const attribute = drive.variants[variant].attributes.find((a) => a.name === name);
   if (name === DISTANCE && attribute) return distances(drive, attribute, limitM, theme);
@@ -119,7 +119,7 @@ function perFan(drive, bytes) {
   return drive.fans.map(bytes);
 }
 
-/** A byte that all points of a profile have. */
+/** Gives all points of a profile the same byte. */
 function byProfile(drive, byte) {
   return perFan(drive, (fan) => {
     const ofProfile = Uint8Array.from(fan.counts, (_, profile) => byte(fan, profile));
@@ -131,7 +131,7 @@ function scaled(value, from, to) {
   return 1 + Math.round(254 * Math.min(Math.max((value - from) / (to - from || 1), 0), 1));
 }
 
-/** The heights between which 98 % of the points lie, of a sample. */
+/** The heights between which 98 % of the points of a sample lie. */
 function middle(positions) {
   const points = positions.length / 3;
   const every = Math.max(1, Math.floor(points / 20000));

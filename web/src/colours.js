@@ -1,8 +1,8 @@
-// Colour scales that hold for colour-blind eyes, as tables of 256 colours for bytes: 0 is an unknown value.
+// Colour scales that colour-blind readers can tell apart, as tables of 256 colours for bytes: 0 is an unknown value.
 
 const CIVIDIS = ['#00224e', '#123570', '#3b496c', '#575d6d', '#707173', '#8a8678', '#a59c74', '#c3b369', '#e1cc55', '#fee838'];
 const VIRIDIS = ['#440154', '#482878', '#3e4989', '#31688e', '#26828e', '#1f9e89', '#35b779', '#6ece58', '#b5de2b', '#fde725'];
-/** Negative to positive; the middle stands out from neither ground too much. */
+/** Negative to positive; the middle does not stand out too much from either background. */
 const SIGNED = {
   light: ['#08306b', '#1c5fa8', '#4f93cd', '#93bfdf', '#b9b9b4', '#eab16f', '#dd7f24', '#b85506', '#7a3203'],
   dark: ['#2f74d0', '#4a92e0', '#7db4ea', '#b5d3f0', '#f1f1ec', '#f7cf9b', '#f2a54d', '#e57f1c', '#c65f06'],
@@ -21,12 +21,12 @@ export function along(stops, t) {
   return a.map((value, i) => value + (place - below) * (b[i] - value));
 }
 
-/** A colour on the way to another one, by a share from 0 to 1. */
+/** A mixture of two colours; `share`, from 0 to 1, is that of the second. */
 export function mixed(from, to, share) {
   return hex(channels(from).map((value, i) => value + share * (channels(to)[i] - value)));
 }
 
-/** Colours of the page, by the names of its style. */
+/** Colours of the page, from the variables of its style. */
 export function theme(element) {
   const style = getComputedStyle(element);
   const get = (name) => style.getPropertyValue(`--${name}`).trim();

@@ -1,4 +1,4 @@
-// Mounts the viewer into its place in the page, once that comes near the window.
+// Mounts the viewer into the page once its element is about to scroll into view.
 
 import style from './style.css';
 import { App } from './app.js';

@@ -1,12 +1,12 @@
-// The colours of the page's lines, for eyes that do not see all of them.
+// The colours of the lines in the page, as seen with colour vision deficiencies.
 
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-const style = readFileSync(new URL('../../src/report/style.css', import.meta.url), 'utf8');
+const style = readFileSync(new URL('../../crates/report/src/report/style.css', import.meta.url), 'utf8');
 
-/** The simulation of Machado, Oliveira and Fernandes 2009, whole deficiency, in linear light. */
+/** The simulation of Machado, Oliveira and Fernandes 2009, full deficiency, in linear light. */
 const VISION = {
   normal: [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
   protanopia: [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
@@ -40,7 +40,7 @@ const themes = [...style.matchAll(/:root\s*{([^}]*)}/g)].map(([, text]) => {
   return colours;
 });
 
-test('lines differ for every kind of eye, and from the page', () => {
+test('lines differ from each other with every colour vision, and from the page', () => {
   assert.equal(themes.length, 3, 'light, dark, print');
   for (const theme of themes) {
     const lines = [0, 1, 2, 3, 4, 5].map((i) => theme[`s${i}`]);
@@ -49,7 +49,7 @@ test('lines differ for every kind of eye, and from the page', () => {
       lines.forEach((a, i) => lines.slice(0, i).forEach((b) => {
         const [x, y] = [lab(a, vision), lab(b, vision)];
         const apart = Math.hypot(...x.map((value, axis) => value - y[axis]));
-        // Twenty is far: a just noticeable difference is about 2.
+        // Twenty is a clear difference: a just noticeable one is about 2.
         assert.ok(apart >= 20, `${a} and ${b}, ${vision}: ${apart.toFixed(1)}`);
       }));
     }

@@ -1,4 +1,4 @@
-// Time of a frame at 1280 × 720 in software: `npm run frames`.
+// Time of a frame at 1280 × 720, rendered in software: `npm run frames`.
 
 import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
@@ -41,7 +41,7 @@ for (const points of [200_000, 1_000_000]) {
     const still = measure(1);
     const some = measure(moving);
     const none = measure(0);
-    // As when somebody turns the view for four seconds.
+    // A user turns the view for four seconds.
     const begin = performance.now();
     const first = stage.frames;
     while (performance.now() - begin < 4000) {
@@ -54,7 +54,7 @@ for (const points of [200_000, 1_000_000]) {
   }, FRAMES);
   const text = (ms) => `${ms.toFixed(0)} ms`;
   console.log(`${points} points at ${times.size.join(' × ')}: frame ${text(times.still)}, with 150,000 points ${text(times.some)}, without ${text(times.none)}; `
-    + `turned for four seconds ${text(times.turned)} a frame, in the end with ${times.kept} points; open after ${text(opened)}`);
+    + `turned for four seconds ${text(times.turned)} per frame, finally with ${times.kept} points; open after ${text(opened)}`);
   await page.close();
 }
 await run.close();

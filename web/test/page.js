@@ -10,7 +10,7 @@ import { chromium } from 'playwright-core';
 
 const here = (path) => fileURLToPath(new URL(path, import.meta.url));
 
-/** The program, of a build before: `BORESIGHT`, or that of the target folder. */
+/** The program, built before: `BORESIGHT`, or the one in the target folder. */
 function program() {
   const target = process.env.CARGO_TARGET_DIR ?? here('../../target');
   return process.env.BORESIGHT ?? join(target, 'release', 'boresight');
@@ -26,7 +26,7 @@ export function smallRun() {
   return out;
 }
 
-/** The address of a page with the viewer that stands in `dist`, so that the program need not be built again. */
+/** The address of a copy of a page with the viewer in `dist`, so that the program need not be built again. */
 export function withOwnViewer(page) {
   const text = readFileSync(page, 'utf8');
   const viewer = readFileSync(here('../dist/viewer.js'), 'utf8');
@@ -38,7 +38,7 @@ export function withOwnViewer(page) {
   return pathToFileURL(own).href;
 }
 
-/** A browser with WebGL in software. */
+/** A browser that renders WebGL in software. */
 export async function browser(more = []) {
   const path = process.env.CHROMIUM ?? ['/usr/bin/chromium', '/usr/bin/chromium-browser', '/usr/bin/google-chrome'].find(existsSync);
   assert.ok(path, 'Chromium is installed, or CHROMIUM names it');
@@ -46,12 +46,12 @@ export async function browser(more = []) {
   return chromium.launch({ executablePath: path, args: more.length > 0 ? [...more, '--no-sandbox'] : software });
 }
 
-/** Opens the address; the page counts what it must not do. */
+/** Opens the address; `wrong` collects errors, warnings and requests, of which there must be none. */
 export async function open(run, address, { width = 1280, height = 900, colorScheme = 'light' } = {}) {
   const page = await run.newPage({ viewport: { width, height }, colorScheme });
   const wrong = [];
   page.on('console', (message) => {
-    // Of a test that looks at what it drew.
+    // Caused by tests that read the pixels.
     const isOwn = message.text().startsWith('Canvas2D: Multiple readback');
     if (['error', 'warning'].includes(message.type()) && !isOwn) wrong.push(message.text());
   });
@@ -70,7 +70,7 @@ export async function ready(page) {
   await settled(page);
 }
 
-/** Until nothing is drawn any more. */
+/** Waits until nothing is drawn any more. */
 export async function settled(page) {
   await page.evaluate(async () => {
     const { stage } = document.getElementById('scene-viewer').viewer;
@@ -82,7 +82,7 @@ export async function settled(page) {
   });
 }
 
-/** Bytes of a page, which are long as JSON. */
+/** Bytes in the page as base64 text, which is shorter than JSON. */
 const asText = `(bytes) => {
   let text = '';
   for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));

@@ -1,4 +1,4 @@
-// The page around the viewer: to read, on wide and narrow screens, by keyboard, in print.
+// The page around the viewer: accessibility, wide and narrow screens, keyboard, print.
 
 import assert from 'node:assert/strict';
 import { readFileSync, rmSync } from 'node:fs';
@@ -9,7 +9,7 @@ import { pathToFileURL } from 'node:url';
 import { browser, open, ready, smallRun } from './page.js';
 
 const AXE = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
-/** Height between the margins of a sheet of A4, and width, CSS pixels. */
+/** Width and height between the margins of an A4 sheet, CSS pixels. */
 const SHEET = { width: 688, height: 1001 };
 
 let run;
@@ -34,8 +34,8 @@ for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'light' }, { w
     await page.evaluate(() => document.querySelectorAll('details').forEach((one) => { one.open = true; }));
     await page.evaluate(AXE);
     const { violations } = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] }));
-    const said = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ''}`).join('; ')}`);
-    assert.deepEqual(said, []);
+    const messages = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ''}`).join('; ')}`);
+    assert.deepEqual(messages, []);
     assert.deepEqual(wrong, []);
     await page.close();
   });
@@ -66,29 +66,29 @@ test('a narrow screen shows the column of the result', async () => {
   await page.close();
 });
 
-test('a keyboard reaches links, what is folded, and the clouds', async () => {
+test('a keyboard reaches links, folded parts and the clouds', async () => {
   const { page } = await open(run, address);
   await ready(page);
   await page.evaluate(() => { scrollTo(0, 0); document.activeElement.blur(); });
   const reached = new Set();
   for (let i = 0; i < 120; i++) {
     await page.keyboard.press('Tab');
-    const found = await page.evaluate(() => {
+    const focused = await page.evaluate(() => {
       const { activeElement } = document;
       const style = getComputedStyle(activeElement);
       const isSeen = style.outlineStyle !== 'none' || style.boxShadow !== 'none';
       return { name: activeElement.className || activeElement.tagName, tag: activeElement.tagName, isSeen };
     });
-    if (found.tag === 'BODY') break;
-    assert.ok(found.isSeen || found.tag === 'INPUT', `${found.name} does not show that it has the focus`);
-    reached.add(found.tag);
-    if (`${found.name}`.includes('scene-canvas')) reached.add('CANVAS');
+    if (focused.tag === 'BODY') break;
+    assert.ok(focused.isSeen || focused.tag === 'INPUT', `${focused.name} does not show that it has the focus`);
+    reached.add(focused.tag);
+    if (`${focused.name}`.includes('scene-canvas')) reached.add('CANVAS');
   }
   for (const tag of ['A', 'SUMMARY', 'SELECT', 'CANVAS']) assert.ok(reached.has(tag), `${tag} of ${[...reached]}`);
   await page.close();
 });
 
-test('two printed pages are the summary, and no heading stands alone', async () => {
+test('the summary fits on two printed pages, and no heading is separated from its text', async () => {
   const { page } = await open(run, address, { width: SHEET.width, height: SHEET.height });
   await page.emulateMedia({ media: 'print' });
   const first = await page.evaluate(() => document.querySelector('main > section').getBoundingClientRect().top + scrollY);

@@ -1,10 +1,10 @@
-// A page of a drive that nobody drove, with as many points as wanted.
+// A page of a synthetic drive with any number of points.
 
 import { readFileSync, writeFileSync } from 'node:fs';
 import { pathToFileURL } from 'node:url';
 import { deflateSync } from 'node:zlib';
 
-/** Bytes of numbers as `src/report/scene/packed.rs` writes them: differences, lowest bytes first. */
+/** Bytes of numbers as `crates/report/src/report/scene/packed.rs` writes them: differences, lowest bytes first. */
 export function packed(numbers, width) {
   const bytes = new Uint8Array(numbers.length * width);
   let last = 0;
@@ -16,12 +16,12 @@ export function packed(numbers, width) {
   return bytes;
 }
 
-/** Points of a profile. */
+/** Points per profile. */
 const BEAMS = 250;
 
 /**
- * Writes a page with `points` points of one scanner to `path`, whose mounting moves in the end if `moves`; returns its
- * address.
+ * Writes a page with `points` points of one scanner to `path`; if `moves`, the mounting of the last variant moves.
+ * Returns the address of the page.
  */
 export function writePage(path, points, moves = false) {
   const parts = [];
@@ -98,7 +98,7 @@ export function writePage(path, points, moves = false) {
   };
   const bytes = Buffer.concat(parts);
   const viewer = readFileSync(new URL('../dist/viewer.js', import.meta.url), 'utf8');
-  const style = readFileSync(new URL('../../src/report/style.css', import.meta.url), 'utf8');
+  const style = readFileSync(new URL('../../crates/report/src/report/style.css', import.meta.url), 'utf8');
   writeFileSync(path, `<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"/><title>Points</title><style>${style}</style></head><body>
 <div id="scene-viewer" class="scene"></div>

@@ -1,4 +1,4 @@
-// The parts that need no browser.
+// The parts of the viewer that need no browser.
 
 import assert from 'node:assert/strict';
 import { deflateSync } from 'node:zlib';
@@ -12,7 +12,7 @@ import { packed } from './synthetic.js';
 
 const close = (a, b, within = 1e-12) => a.every((x, i) => Math.abs(x - b[i]) <= within);
 
-test('lists come back', async () => {
+test('packed lists are read back exactly', async () => {
   const shorts = [0, 65535, 1, 40000, 3];
   const integers = [-5, 2 ** 31 - 1, -(2 ** 31), 0, 7];
   const all = new Uint8Array([...packed(shorts, 2), ...packed(integers, 4), 9, 255]);
@@ -42,7 +42,7 @@ test('offsets of a mounting are exaggerated about its mean', () => {
   assert.ok(close(exaggerated(mean, mean, 100).q, mean.q));
 });
 
-test('a section stands across its surface', () => {
+test('the axes of a section follow its surface', () => {
   const slope = Math.PI / 4;
   const normal = [0, -Math.sin(slope), Math.cos(slope)];
   const frame = frameOf({ centre: [5, 6, 7], normal }, 0);
@@ -55,7 +55,7 @@ test('a section stands across its surface', () => {
   assert.deepEqual([0.00011, 0.0002, 0.7].map((x) => Number(niceAbove(x).toPrecision(3))), [0.0002, 0.0002, 1]);
 });
 
-test('a section cuts what lies in its slab', () => {
+test('a section contains the points in its slab', () => {
   // A board at a slope of 45° that rises to the north, a scanner half a millimetre above the reference, and a point on it
   // that belongs to another surface.
   const root = Math.SQRT1_2;

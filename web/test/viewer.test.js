@@ -38,7 +38,7 @@ function differing(a, b) {
   return other / (a.length / 4);
 }
 
-/** Share of the pixels whose colours are far from each other. */
+/** Share of the pixels whose colours differ strongly. */
 function far(a, b) {
   let other = 0;
   for (let i = 0; i < a.length; i += 4) {
@@ -56,7 +56,7 @@ for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'light' }, { w
     assert.ok(beyond <= 0, `the page is ${beyond} px too wide`);
     const sides = await page.locator('.scene-canvas').boundingBox();
     assert.ok(sides.width > 0.85 * Math.min(width, 950), `${sides.width}`);
-    // Nothing is drawn while nothing happens.
+    // Nothing is drawn while nothing changes.
     const frames = () => page.evaluate(() => document.getElementById('scene-viewer').viewer.stage.frames);
     const then = await frames();
     await page.waitForTimeout(600);
@@ -80,7 +80,7 @@ test('another mounting changes clouds and section', async () => {
   await choices.last().check({ force: true });
   await settled(page);
   assert.ok(differing(last, await pixels(page)) < 0.001);
-  // Browsers smooth the edges of the same marks in more than one way.
+  // Browsers may smooth the edges of the same marks differently.
   assert.ok(far(lastSection, await section()) < 0.001);
   assert.deepEqual(wrong, []);
   await page.close();
@@ -93,7 +93,7 @@ test('surfels of the joint adjustment lie on the surface', async () => {
   await page.getByLabel('surfels').check();
   await settled(page);
   assert.ok(differing(before, await pixels(page)) > 0.05);
-  // Half of them have a point of a scanner within a millimetre of their plane, somewhere over them.
+  // More than half of the surfels contain a scanner point within a millimetre of their plane.
   const share = await page.evaluate(() => {
     const { viewer } = document.getElementById('scene-viewer');
     const { surfels } = viewer.drive;
@@ -141,7 +141,7 @@ test('a click picks the point it was aimed at', async () => {
   await ready(page);
   const box = await page.locator('.scene-canvas').boundingBox();
   for (const share of [0.2, 0.5, 0.8]) {
-    // Looked at from close by, a point in the middle of the view has no other before it.
+    // Seen from close by, the point in the middle of the view is not hidden by another.
     const aim = await page.evaluate((part) => {
       const { viewer } = document.getElementById('scene-viewer');
       const point = Math.floor(part * viewer.drive.points);
@@ -152,15 +152,15 @@ test('a click picks the point it was aimed at', async () => {
     }, share);
     await settled(page);
     await page.mouse.click(box.x + aim.place[0], box.y + aim.place[1]);
-    const found = await page.evaluate(() => document.getElementById('scene-viewer').viewer.point);
-    assert.equal(found, aim.point);
+    const picked = await page.evaluate(() => document.getElementById('scene-viewer').viewer.point);
+    assert.equal(picked, aim.point);
     const shown = await page.locator('.scene-facts dd').allTextContents();
     aim.map.forEach((value, axis) => {
       const text = Number(shown[axis].replace('−', '-').replace(' m', ''));
       assert.ok(Math.abs(text - value) <= 0.50001e-4, `${shown[axis]} instead of ${value}`);
     });
   }
-  // Enter picks what is in the middle, which is where the last point was put.
+  // Enter picks the point in the middle, which is the last one.
   await page.evaluate(() => document.getElementById('scene-viewer').viewer.select(-1));
   await page.locator('.scene-canvas').press('Enter');
   assert.ok(await page.locator('.scene-facts').isVisible());
@@ -221,7 +221,7 @@ test('keys reach every control and move the view', async () => {
   await page.close();
 });
 
-test('a platform shows how mountings move', async () => {
+test('the platform shows how mountings move', async () => {
   const { page, wrong } = await open(run, writePage(join(out, 'moving.html'), 20_000, true));
   await ready(page);
   const player = page.getByRole('group', { name: 'The platform along the drive' });

@@ -275,10 +275,10 @@ mod tests {
             position_m: Vec3::new(0.2, 0.0, -1.0),
             intensity: 0.0,
         };
-        let found = place.place(&point(0.0)).expect("0.5 s is inside");
+        let placed = place.place(&point(0.0)).expect("0.5 s is inside");
         assert!(
-            (found - Vec3::new(10.0, 1.2, 1.0)).norm() < 1e-12,
-            "{found}"
+            (placed - Vec3::new(10.0, 1.2, 1.0)).norm() < 1e-12,
+            "{placed}"
         );
         assert_eq!(place.place(&point(0.6)), None);
         assert_eq!((place.read(), place.outside()), (2, 1));

@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_headline_is_that_of_the_gravest() {
+    fn the_headline_is_that_of_the_gravest_verdict() {
         let good = Verdict::good("a", "");
         let (care, fault) = (Verdict::care("b", ""), Verdict::fault("c", ""));
         assert_eq!(Headline::of(&[]), Headline::Usable);

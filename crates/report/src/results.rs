@@ -60,7 +60,7 @@ impl<'a> Calibrations<'a> {
 
     /// The result of the joint adjustment, whether its values are used or not.
     pub fn joint_found(&self) -> Option<&'a Joint> {
-        self.joint?.found.as_ref()
+        self.joint?.result.as_ref()
     }
 
     /// The result of the joint adjustment if its values are not used.

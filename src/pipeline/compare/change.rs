@@ -44,7 +44,7 @@ pub fn change(
         memory_bytes,
     };
     let wkt = format::crs_wkt(&comparison.reference)?;
-    let distances = tiles::compare(&comparison, &staging, progress)?.found;
+    let distances = tiles::compare(&comparison, &staging, progress)?.m3c2;
     for path in joined.iter().filter(|path| path.exists()) {
         std::fs::remove_file(path).map_err(|error| Error::io(path, error))?;
     }

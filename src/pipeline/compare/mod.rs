@@ -34,13 +34,13 @@ pub fn compare(
     let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
     let wkt = format::crs_wkt(&comparison.reference)?;
     let work = tiles::compare(comparison, &staging, progress)?;
-    let statistics = Statistics::of(&work.found)?;
+    let statistics = Statistics::of(&work.m3c2)?;
     let start = Instant::now();
-    table::write(&staging.path("m3c2.csv"), &work.found)?;
-    cloud::write(&staging.path("m3c2.laz"), &work.found, wkt, progress)?;
+    table::write(&staging.path("m3c2.csv"), &work.m3c2)?;
+    cloud::write(&staging.path("m3c2.laz"), &work.m3c2, wkt, progress)?;
     let page = report::render(&page::comparison(
         comparison,
-        &work.found,
+        &work.m3c2,
         statistics.clone(),
     ));
     let path = staging.path("compare.html");

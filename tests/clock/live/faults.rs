@@ -1,4 +1,4 @@
-//! Kills, cuts, floods and a disk that is full: what was recorded before is there, and can be read.
+//! Kills, cut logs, floods and a full disk: data recorded before are on the disk, and can be read.
 
 use std::fs;
 use std::io::Write;
@@ -18,24 +18,24 @@ const LOGS: [&str; 4] = ["ins.sbg", "compass.nmea", "left.gocator", "right.gocat
 
 /// The recording of a short drive.
 fn recording() -> (tempfile::TempDir, PathBuf) {
-    let (kept, drive) = common::simulated();
-    let recording = kept.path().join("recording");
+    let (temp, drive) = common::simulated();
+    let recording = temp.path().join("recording");
     twin::record(&drive.join("project.toml"), &recording);
-    (kept, recording)
+    (temp, recording)
 }
 
-/// Each log begins like the one that was played, and `trajectory` reads the folder, unless it ends before the drive
-/// began.
+/// Asserts that each log is the beginning of the one that was played, and that `trajectory` reads the folder, or says
+/// that it ends before the drive began.
 fn assert_readable(folder: &Path, played: &Path, what: &str) {
     for name in LOGS {
-        let Ok(kept) = fs::read(folder.join(name)) else {
+        let Ok(recorded) = fs::read(folder.join(name)) else {
             continue;
         };
         let sent = fs::read(played.join(name)).unwrap();
-        assert!(sent.starts_with(&kept), "{what}: {name}");
+        assert!(sent.starts_with(&recorded), "{what}: {name}");
     }
     let run = boresight(&["trajectory", folder.to_str().unwrap()]);
-    let is_short = [
+    let reasons = [
         "no ",
         "nothing",
         "empty",
@@ -46,18 +46,18 @@ fn assert_readable(folder: &Path, played: &Path, what: &str) {
         "not found",
         "rest",
     ];
-    let is_said = is_short.iter().any(|word| run.err.contains(word));
+    let has_reason = reasons.iter().any(|word| run.err.contains(word));
     assert!(
-        run.code == 0 || (run.code == 1 && is_said),
+        run.code == 0 || (run.code == 1 && has_reason),
         "{what}: {}",
         run.err
     );
     assert!(!run.err.contains("panicked"), "{what}: {}", run.err);
 }
 
-/// Cuts a recording at so many places and reads what is left.
+/// Cuts a recording off at random places and reads the rest.
 fn cut(times: u32) {
-    let (kept, recording) = recording();
+    let (temp, recording) = recording();
     let names = common::names(&recording);
     let mut seed = 1_u64;
     let mut random = move || {
@@ -65,7 +65,7 @@ fn cut(times: u32) {
         (seed >> 33) as f64 / (1_u64 << 31) as f64
     };
     for number in 0..times {
-        let cut = kept.path().join(format!("cut-{number}"));
+        let cut = temp.path().join(format!("cut-{number}"));
         fs::create_dir(&cut).unwrap();
         // The drive begins in the first third; a power cut ends all files at nearly the same time.
         let share = 0.4 + 0.6 * random();
@@ -85,20 +85,20 @@ fn cut(times: u32) {
 }
 
 #[test]
-fn a_recording_that_was_cut_is_read() {
+fn a_recording_that_was_cut_off_is_read() {
     cut(3);
 }
 
 #[test]
 #[ignore = "just acceptance"]
-fn a_recording_that_was_cut_at_a_dozen_places_is_read() {
+fn a_recording_that_was_cut_off_at_a_dozen_places_is_read() {
     cut(12);
 }
 
 /// A power cut may end a log and its times of arrival at different moments, and damage either.
 #[test]
-fn a_log_and_its_times_of_arrival_that_do_not_end_together_keep_its_clock() {
-    let (kept, recording) = recording();
+fn a_log_that_does_not_end_with_its_times_of_arrival_keeps_its_clock() {
+    let (temp, recording) = recording();
     let times_s = |folder: &Path| -> Vec<f64> {
         let points = super::points(&folder.join("left.gocator"));
         points.iter().map(|point| point.time_s).collect()
@@ -110,41 +110,46 @@ fn a_log_and_its_times_of_arrival_that_do_not_end_together_keep_its_clock() {
     let rows: Vec<&str> = rows.lines().collect();
     // Pieces missing at the end of the log, rows missing at the end of the times, and whether a row in the middle is
     // damaged.
-    for (number, (of_log, of_stamps, is_damaged)) in [(0, 5, false), (5, 0, false), (0, 0, true)]
-        .into_iter()
-        .enumerate()
+    for (number, (missing_pieces, missing_stamps, is_damaged)) in
+        [(0, 5, false), (5, 0, false), (0, 0, true)]
+            .into_iter()
+            .enumerate()
     {
-        let cut = kept.path().join(format!("apart-{number}"));
+        let cut = temp.path().join(format!("apart-{number}"));
         fs::create_dir(&cut).unwrap();
         for name in common::names(&recording) {
             fs::copy(recording.join(&name), cut.join(&name)).unwrap();
         }
-        let before: usize = rows[rows.len() - of_log.max(1)]
+        let before: usize = rows[rows.len() - missing_pieces.max(1)]
             .split_once(',')
             .unwrap()
             .0
             .parse()
             .unwrap();
-        let end = if of_log > 0 { before } else { bytes.len() };
+        let end = if missing_pieces > 0 {
+            before
+        } else {
+            bytes.len()
+        };
         fs::write(cut.join(log), &bytes[..end]).unwrap();
-        let mut kept_rows = rows[..rows.len() - of_stamps].to_vec();
+        let mut kept_rows = rows[..rows.len() - missing_stamps].to_vec();
         if is_damaged {
             kept_rows[rows.len() / 2] = "\u{fffd}17";
         }
         fs::write(cut.join(stamps), kept_rows.join("\n") + "\n").unwrap();
-        let found = times_s(&cut);
-        assert!(found.len() + 6 * 320 > whole.len());
-        for (found, whole) in found.iter().zip(&whole) {
-            assert!((found - whole).abs() < 1e-5, "{number}: {found} {whole}");
+        let read = times_s(&cut);
+        assert!(read.len() + 6 * 320 > whole.len());
+        for (read, whole) in read.iter().zip(&whole) {
+            assert!((read - whole).abs() < 1e-5, "{number}: {read} {whole}");
         }
     }
 }
 
-/// Kills so many recordings, each a little later.
+/// Kills recordings, each a little later than the last.
 fn kill(times: u32) {
-    let (kept, recording) = recording();
+    let (temp, recording) = recording();
     for number in 0..times {
-        let out = kept.path().join(format!("killed-{number}"));
+        let out = temp.path().join(format!("killed-{number}"));
         let [from, to] = [&recording, &out].map(|path| path.to_str().unwrap());
         let mut child = Command::new(env!("CARGO_BIN_EXE_boresight"))
             .args(["replay", from, "--speed", "10", "--out", to, "--quiet"])
@@ -157,21 +162,22 @@ fn kill(times: u32) {
         let is_running = child.try_wait().unwrap().is_none();
         child.kill().unwrap();
         child.wait().unwrap();
-        assert!(is_running, "nothing was killed after {wait_s} s");
+        assert!(is_running, "the recording ended within {wait_s} s");
         assert_readable(&out, &recording, &format!("after {wait_s:.2} s"));
-        // No more than the last second of ours is lost: ten of the recording, of which one second is the lead.
+        // At most the last second of real time is lost, which is ten seconds of the recording; playing begins after a
+        // lead of one second.
         let stamps = fs::read_to_string(out.join("ins.stamps.csv")).unwrap();
         let last = stamps
             .lines()
             .rev()
             .nth(1)
             .and_then(|row| row.split(',').nth(1));
-        let kept_s = last
+        let recorded_s = last
             .and_then(|cell| cell.parse::<f64>().ok())
             .unwrap_or(0.0);
         assert!(
-            kept_s > 10.0 * (wait_s - 1.5),
-            "{kept_s} s kept after {wait_s} s"
+            recorded_s > 10.0 * (wait_s - 1.5),
+            "{recorded_s} s recorded after {wait_s} s"
         );
         fs::remove_dir_all(&out).unwrap();
     }
@@ -184,18 +190,18 @@ fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn fifty_kills() {
+fn fifty_kills_lose_no_more_than_the_last_second() {
     kill(50);
 }
 
-/// A server that sends lines without pause.
+/// Starts a server that sends lines without pause; returns its address.
 fn flood(stop: Arc<AtomicBool>, sent: Arc<AtomicU64>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
         let block = b"0123456789abcde\n".repeat(4096);
-        // Bounded: 1 GB.
+        // At most 1 GB.
         for _ in 0..16_000 {
             if stop.load(Ordering::Relaxed) || stream.write_all(&block).is_err() {
                 return;
@@ -206,7 +212,7 @@ fn flood(stop: Arc<AtomicBool>, sent: Arc<AtomicU64>) -> String {
     address
 }
 
-/// A server that sends a line every 10 ms.
+/// Starts a server that sends a line every 10 ms; returns its address.
 fn ticks(stop: Arc<AtomicBool>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -237,7 +243,7 @@ fn field(folder: &Path, sources: &[(&str, String)]) -> Field {
 
 #[test]
 fn a_source_that_floods_delays_no_other() {
-    let kept = tempfile::tempdir().unwrap();
+    let temp = tempfile::tempdir().unwrap();
     let (stop, sent) = (
         Arc::new(AtomicBool::new(false)),
         Arc::new(AtomicU64::new(0)),
@@ -246,8 +252,8 @@ fn a_source_that_floods_delays_no_other() {
         ("flood", flood(Arc::clone(&stop), Arc::clone(&sent))),
         ("ticks", ticks(Arc::clone(&stop))),
     ];
-    let field = field(kept.path(), &sources);
-    let folder = kept.path().join("drive");
+    let field = field(temp.path(), &sources);
+    let folder = temp.path().join("drive");
     record(&field, &folder, &Clock::default(), |view| view.time_s < 4.0).unwrap();
     stop.store(true, Ordering::Relaxed);
     let flooded = fs::metadata(folder.join("flood.csv")).unwrap().len();
@@ -270,7 +276,7 @@ fn a_source_that_floods_delays_no_other() {
     assert!(longest < 0.5, "{longest} s");
 }
 
-/// A disk of two megabytes, if this user may make one; unmounted at the end.
+/// A disk of two megabytes, if the user may mount one; unmounted at the end.
 #[cfg(target_os = "linux")]
 struct SmallDisk(tempfile::TempDir);
 
@@ -298,17 +304,17 @@ impl Drop for SmallDisk {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_disk_that_is_full_ends_the_recording_with_its_name() {
+fn a_full_disk_ends_the_recording_with_an_error_that_names_the_file() {
     let Some(disk) = SmallDisk::new() else {
-        println!("this user may not mount a disk: not tested");
+        println!("skipped: this user may not mount a disk");
         return;
     };
-    let kept = tempfile::tempdir().unwrap();
+    let temp = tempfile::tempdir().unwrap();
     let (stop, sent) = (
         Arc::new(AtomicBool::new(false)),
         Arc::new(AtomicU64::new(0)),
     );
-    let field = field(kept.path(), &[("flood", flood(Arc::clone(&stop), sent))]);
+    let field = field(temp.path(), &[("flood", flood(Arc::clone(&stop), sent))]);
     let folder = disk.0.path().join("drive");
     let begun = Instant::now();
     let error = record(&field, &folder, &Clock::default(), |view| {
@@ -322,7 +328,7 @@ fn a_disk_that_is_full_ends_the_recording_with_its_name() {
         error.contains("flood") && error.contains("space"),
         "{error}"
     );
-    // What was written is there.
+    // Data written before are on the disk.
     let bytes = fs::metadata(folder.join("flood.csv")).unwrap().len();
     assert!(bytes > 500_000, "{bytes} bytes");
 }

@@ -1,4 +1,4 @@
-//! A simulated drive, played through all interfaces at once, recorded, and processed like the drive's own files.
+//! A simulated drive, played through all interfaces at once, recorded, and processed like the drive's original files.
 
 mod faults;
 mod twin;
@@ -13,7 +13,7 @@ use boresight::geometry::Vec3;
 use boresight::sensor::{Observations, PoseRecord, ScanPoint, TotalStation, VerticalAngle};
 use boresight::trajectory::Trajectory;
 
-/// Distances and angles are recorded to 0.01 mm and 1e-7°; noise of 5 mm tells them apart.
+/// Recorded distances and angles are rounded to 0.01 mm and 1e-7°; with noise of 5 mm, no two positions are closer.
 const ROUNDED_M: f64 = 3e-5;
 
 /// Plays a recording and records it again.
@@ -32,7 +32,7 @@ fn points(profiles: &Path) -> Vec<ScanPoint> {
     all
 }
 
-/// The poses that the command `trajectory` finds.
+/// The poses that the command `trajectory` estimates.
 fn poses(project: &Path) -> Vec<PoseRecord> {
     let out = project.join("out-poses");
     let run = boresight(&[
@@ -45,8 +45,8 @@ fn poses(project: &Path) -> Vec<PoseRecord> {
     format::read_trajectory(&out.join("trajectory.csv")).unwrap()
 }
 
-/// Root mean square and largest distance of positions in the middle of two drives, metres; the second begins
-/// `later_s` later.
+/// Root mean square and largest distance between the positions of two drives where they overlap, metres; the second
+/// begins `later_s` later.
 fn apart(first: &[PoseRecord], second: &[PoseRecord], later_s: f64) -> (f64, f64) {
     let second = Trajectory::new(second.to_vec()).unwrap();
     let squares: Vec<f64> = first
@@ -64,16 +64,17 @@ fn apart(first: &[PoseRecord], second: &[PoseRecord], later_s: f64) -> (f64, f64
     )
 }
 
-/// What the logs of a recording hold beside those of the drive: latest bytes, and delays.
+/// Differences between a recording and the recording that was played.
 struct Compared {
-    /// Median and 99.9 % of the differences of a stamp of the prism from its true time, seconds.
+    /// Median and 99.9 % quantile of the deviations of the prism's times from their median delay, seconds.
     station_s: [f64; 2],
-    /// The same of profiles.
+    /// The same for profiles.
     scanner_s: [f64; 2],
     /// Share of the distances that were recorded.
     distances: f64,
 }
 
+/// Median and 99.9 % quantile of the deviations from the median.
 fn quantiles(mut values: Vec<f64>) -> [f64; 2] {
     values.sort_by(f64::total_cmp);
     let middle = values[values.len() / 2];
@@ -84,14 +85,14 @@ fn quantiles(mut values: Vec<f64>) -> [f64; 2] {
     [0.5, 0.999].map(|p| values[((values.len() - 1) as f64 * p) as usize])
 }
 
-/// Compares what was recorded again with what was played.
+/// Compares a recording with the recording that was played.
 fn compare(played: &Path, recorded: &Path) -> Compared {
     for name in ["ins.sbg", "compass.nmea", "left.gocator", "right.gocator"] {
-        let [sent, kept] = [played, recorded].map(|folder| fs::read(folder.join(name)).unwrap());
+        let [sent, logged] = [played, recorded].map(|folder| fs::read(folder.join(name)).unwrap());
         assert!(
-            sent == kept,
+            sent == logged,
             "{name}: {} of {} bytes",
-            kept.len(),
+            logged.len(),
             sent.len()
         );
     }
@@ -107,24 +108,24 @@ fn compare(played: &Path, recorded: &Path) -> Compared {
             sigma_prism_m: 0.005,
         };
         let how = Observations::Polar(instrument);
-        let found = format::read_positions(&folder.join("station.csv"), &how).unwrap();
-        let fixes = found.fixes.iter();
+        let positions = format::read_positions(&folder.join("station.csv"), &how).unwrap();
+        let fixes = positions.fixes.iter();
         fixes.map(|fix| (fix.time_s, fix.position_m)).collect()
     };
-    let [sent, kept] = [played, recorded].map(times);
+    let [sent, logged] = [played, recorded].map(times);
     let station = sent.iter().filter_map(|(time_s, position_m)| {
-        let same = kept
+        let same = logged
             .iter()
             .find(|(_, other_m)| (other_m - position_m).norm() < ROUNDED_M)?;
         Some(same.0 - time_s)
     });
     let station: Vec<f64> = station.collect();
     let distances = station.len() as f64 / sent.len() as f64;
-    let [sent, kept] = [played, recorded].map(|folder| points(&folder.join("left.gocator")));
-    assert_eq!(sent.len(), kept.len());
-    let scanner = sent.iter().zip(&kept).map(|(sent, kept)| {
-        assert_eq!(sent.position_m, kept.position_m);
-        kept.time_s - sent.time_s
+    let [sent, logged] = [played, recorded].map(|folder| points(&folder.join("left.gocator")));
+    assert_eq!(sent.len(), logged.len());
+    let scanner = sent.iter().zip(&logged).map(|(sent, logged)| {
+        assert_eq!(sent.position_m, logged.position_m);
+        logged.time_s - sent.time_s
     });
     Compared {
         station_s: quantiles(station),
@@ -133,8 +134,8 @@ fn compare(played: &Path, recorded: &Path) -> Compared {
     }
 }
 
-/// How long after it was sent a log's pieces were stamped, milliseconds of ours: median and 99.9 %. Playing begins after
-/// a second of ours.
+/// Time from sending to stamping the pieces of a log, milliseconds of real time: median and 99.9 % quantile. Playing
+/// begins after a second of real time.
 fn arrivals_ms(played: &Path, recorded: &Path, log: &str, speed: f64) -> [f64; 2] {
     let ends = |folder: &Path| -> Vec<(usize, f64)> {
         let mut end = 0;
@@ -146,19 +147,19 @@ fn arrivals_ms(played: &Path, recorded: &Path, log: &str, speed: f64) -> [f64; 2
         });
         ends.collect()
     };
-    let kept = ends(recorded);
+    let stamped = ends(recorded);
     let mut delays: Vec<f64> = ends(played)
         .into_iter()
         .map(|(end, sent_s)| {
-            let arrived_s = kept[kept.partition_point(|(other, _)| *other < end)].1;
+            let arrived_s = stamped[stamped.partition_point(|(other, _)| *other < end)].1;
             1e3 * ((arrived_s - sent_s) / speed - 1.0)
         })
         .collect();
-    in_ms(&mut delays)
+    summary_ms(&mut delays)
 }
 
-/// Median and 99.9 %, to 0.01.
-fn in_ms(delays: &mut [f64]) -> [f64; 2] {
+/// Median and 99.9 % quantile of milliseconds, rounded to 0.01.
+fn summary_ms(delays: &mut [f64]) -> [f64; 2] {
     delays.sort_by(f64::total_cmp);
     [0.5, 0.999].map(|p| {
         let delay_ms = delays[((delays.len() - 1) as f64 * p) as usize];
@@ -166,42 +167,42 @@ fn in_ms(delays: &mut [f64]) -> [f64; 2] {
     })
 }
 
-/// The same of a total station's distances, whose instrument was switched on when playing began.
+/// The same for the distances of a total station, which was switched on when playing began.
 fn distances_ms(recorded: &Path, speed: f64) -> [f64; 2] {
     let rows = format::station_rows(&recorded.join("station.csv")).unwrap();
     let delays = rows
         .iter()
         .map(|row| 1e3 * (row.monotonic_s - row.instrument_time_s.unwrap()) / speed);
-    in_ms(&mut delays.collect::<Vec<f64>>())
+    summary_ms(&mut delays.collect::<Vec<f64>>())
 }
 
 #[test]
-fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
-    let (kept, drive) = common::simulated();
-    let recording = kept.path().join("recording");
+fn a_recording_gives_the_trajectory_of_the_original_files() {
+    let (temp, drive) = common::simulated();
+    let recording = temp.path().join("recording");
     twin::record(&drive.join("project.toml"), &recording);
-    let own = poses(&drive);
+    let original = poses(&drive);
     let recorded = poses(&recording);
-    let later_s = recorded[0].time_s - own[0].time_s;
-    // Stamps later by the station's delay are all that differs; the drive is slower than 1 m/s.
-    let (rms_m, largest_m) = apart(&own, &recorded, later_s);
+    let later_s = recorded[0].time_s - original[0].time_s;
+    // The only difference is the delay of the station's times; the drive is slower than 1 m/s.
+    let (rms_m, largest_m) = apart(&original, &recorded, later_s);
     assert!(
         rms_m < 1.5 * twin::STATION_DELAY_S && largest_m < 0.01,
         "{rms_m} {largest_m}"
     );
-    // The scanners' clocks are put on the common time, up to their delay.
-    let own = points(&drive.join("left.bin"));
-    let found = points(&recording.join("left.gocator"));
-    assert_eq!(own.len(), found.len());
-    let offset_s = found[0].time_s - own[0].time_s;
-    for (own, found) in own.iter().zip(&found) {
+    // The scanners' clocks are mapped to the common time, up to their delay.
+    let original = points(&drive.join("left.bin"));
+    let recorded = points(&recording.join("left.gocator"));
+    assert_eq!(original.len(), recorded.len());
+    let offset_s = recorded[0].time_s - original[0].time_s;
+    for (original, recorded) in original.iter().zip(&recorded) {
         let step_m = 1e-9 * f64::from(twin::STEP_NM);
-        assert!((own.position_m - found.position_m).amax() < 0.51 * step_m);
-        assert!((found.time_s - own.time_s - offset_s).abs() < 2e-5);
+        assert!((original.position_m - recorded.position_m).amax() < 0.51 * step_m);
+        assert!((recorded.time_s - original.time_s - offset_s).abs() < 2e-5);
     }
 
-    // What the recording says of its clocks.
-    let said = || {
+    // `inspect` reports the clocks.
+    let inspected = || {
         boresight(&[
             "inspect",
             recording.join("project.toml").to_str().unwrap(),
@@ -209,7 +210,7 @@ fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
         ])
         .out
     };
-    let text = said();
+    let text = inspected();
     assert!(
         text.contains("recording.sensor_clock") && text.contains("left: its clock differs by"),
         "{text}"
@@ -221,41 +222,41 @@ fn a_recording_gives_the_trajectory_of_the_drives_own_files() {
     common::rewrite(&recording.join("clock.csv"), |text| {
         text.replacen("1,\n", "1,0.5\n", 1)
     });
-    let text = said();
+    let text = inspected();
     assert!(
         text.contains("recording.clock\"") && text.contains("was set by +0.500 s"),
         "{text}"
     );
-    // No longer known to be right: now all are on the times of arrival.
+    // The system clock is no longer trusted, so that all sensors are on their times of arrival.
     assert!(text.contains("imu: its clock"), "{text}");
     common::rewrite(&recording.join("clock.csv"), |text| {
         text.replacen("1,0.5\n", "1,\n", 1)
     });
 
-    let again = kept.path().join("again");
+    let again = temp.path().join("again");
     let begun = Instant::now();
     replay(&recording, "20", &again);
     assert!(begun.elapsed().as_secs_f64() < 60.0);
-    let found = compare(&recording, &again);
+    let compared = compare(&recording, &again);
     assert!(
-        found.distances > 0.9,
+        compared.distances > 0.9,
         "{} of the distances",
-        found.distances
+        compared.distances
     );
-    // Twenty times as fast, a millisecond of this computer is 20 ms.
-    assert!(found.station_s[0] < 0.01 && found.scanner_s[0] < 0.01);
+    // At twenty times the speed, a millisecond of real time is 20 ms of the recording.
+    assert!(compared.station_s[0] < 0.01 && compared.scanner_s[0] < 0.01);
 }
 
-/// The demo's drive at its own speed and twenty times as fast; writes the table of docs/record.md.
+/// The demo's drive at real time and twenty times as fast; prints the table of docs/record.md.
 #[test]
 #[ignore = "just acceptance"]
-fn the_demos_drive_through_all_interfaces() {
-    let kept = tempfile::tempdir().unwrap();
-    let data = kept.path().join("data");
+fn the_demo_drive_is_recorded_through_all_interfaces() {
+    let temp = tempfile::tempdir().unwrap();
+    let data = temp.path().join("data");
     let run = boresight(&["simulate", "--out", data.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
     let drive = data.join("drive-1");
-    let recording: PathBuf = kept.path().join("recording");
+    let recording: PathBuf = temp.path().join("recording");
     twin::record(&drive.join("project.toml"), &recording);
     common::rewrite(&drive.join("project.toml"), |text| {
         let end = text.find("[[evaluation]]").unwrap_or(text.len());
@@ -266,14 +267,14 @@ fn the_demos_drive_through_all_interfaces() {
         assert_eq!(run.code, 0, "{}", run.err);
         serde_json::from_str(&run.out).unwrap()
     };
-    let own = mountings(&drive);
-    println!("the drive's own files: {}", line(&own, &own));
+    let original = mountings(&drive);
+    println!("the original files: {}", line(&original, &original));
     let ideal = mountings(&recording);
-    println!("from the recording that is played: {}", line(&ideal, &own));
+    println!("the recording that is played: {}", line(&ideal, &original));
     for speed in ["1", "20"] {
-        let again = kept.path().join(format!("again-{speed}"));
+        let again = temp.path().join(format!("again-{speed}"));
         replay(&recording, speed, &again);
-        let found = compare(&recording, &again);
+        let compared = compare(&recording, &again);
         for log in ["ins.sbg", "compass.nmea", "left.gocator"] {
             let [median, late] = arrivals_ms(&recording, &again, log, speed.parse().unwrap());
             println!(
@@ -288,33 +289,33 @@ fn the_demos_drive_through_all_interfaces() {
         println!(
             "{speed} times: {:.1} % of the distances; stamps off by (median, 99.9 %, ms of the recording) prism {:?}, \
              profiles {:?}; {}",
-            100.0 * found.distances,
-            ms(found.station_s),
-            ms(found.scanner_s),
+            100.0 * compared.distances,
+            ms(compared.station_s),
+            ms(compared.scanner_s),
             line(&mountings(&again), &ideal)
         );
     }
 }
 
-/// Largest differences of mountings.
-fn line(found: &serde_json::Value, own: &serde_json::Value) -> String {
+/// The headline of a result, and its largest differences from expected mountings.
+fn line(result: &serde_json::Value, expected: &serde_json::Value) -> String {
     let mut largest = [0.0_f64; 2];
     for name in ["left", "right"] {
-        let pose = |of: &serde_json::Value, key: &str| -> Vec<f64> {
-            let values = of["scanners"][name]["body_from_scanner"][key]
+        let pose = |result: &serde_json::Value, key: &str| -> Vec<f64> {
+            let values = result["scanners"][name]["body_from_scanner"][key]
                 .as_array()
                 .unwrap();
             values.iter().map(|value| value.as_f64().unwrap()).collect()
         };
         for (i, key) in ["translation_m", "quaternion_xyzw"].into_iter().enumerate() {
-            let (a, b) = (pose(found, key), pose(own, key));
+            let (a, b) = (pose(result, key), pose(expected, key));
             let square: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
             largest[i] = largest[i].max(square.sqrt());
         }
     }
     format!(
         "{}: mountings off by {:.3} mm and {:.4}°",
-        found["headline"],
+        result["headline"],
         1e3 * largest[0],
         2.0 * largest[1].to_degrees()
     )

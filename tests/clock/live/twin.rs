@@ -1,5 +1,5 @@
-//! A recording of a simulated drive, as its sensors would have sent it: the IMU by sbgECom with UTC, headings by NMEA, the
-//! prism as polar observations of a total station, the scanners by their data channels with clocks of their own.
+//! A recording of a simulated drive as its sensors would have sent it: the IMU by sbgECom with UTC, headings by NMEA,
+//! the prism as polar observations of a total station, the scanners by their data channels, each with a separate clock.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -11,24 +11,24 @@ use boresight::sensor::Observations;
 
 /// UTC at the beginning of the recording.
 const BEGIN_S: f64 = 1_764_000_000.0;
-/// From there to the first sample.
+/// Time from there to the first sample.
 const LEAD_S: f64 = 3.0;
-/// Where the total station stands.
+/// Position of the total station.
 const STATION_M: [f64; 3] = [-12.0, -9.0, 1.6];
-/// From a measurement to its arrival.
+/// Time from a measurement of the prism to its arrival.
 pub const STATION_DELAY_S: f64 = 0.005;
-/// From a profile to its arrival, and what its clock loses.
+/// Time from a profile to its arrival, and relative drift of the scanner's clock, which is slow.
 const SCANNER_DELAY_S: f64 = 0.002;
 const SCANNER_DRIFT: f64 = 2e-5;
-/// Step of its coordinates, which then reach 0.98 m, and points of a profile.
+/// Step of the scanner's coordinates, which then reach 0.98 m, and most points of a profile.
 pub const STEP_NM: u32 = 30_000;
 const MOST_POINTS: u32 = 320;
-/// Records of a scanner's file z = scanner z + this.
+/// The data channel sends z in the scanner frame plus this stand-off.
 const STAND_OFF_M: f64 = 1.150;
 
-/// Pieces of a log with the times of their arrival.
+/// A log, and the times of arrival of its pieces.
 struct Log {
-    sent: BufWriter<File>,
+    data: BufWriter<File>,
     stamps: BufWriter<File>,
     bytes: usize,
 }
@@ -42,7 +42,7 @@ impl Log {
             .write_all(b"bytes_before,monotonic_s,unix_s\n")
             .unwrap();
         Self {
-            sent: create(extension),
+            data: create(extension),
             stamps,
             bytes: 0,
         }
@@ -51,12 +51,12 @@ impl Log {
     fn add(&mut self, bytes: &[u8], at_s: f64) {
         let unix_s = BEGIN_S + at_s;
         writeln!(self.stamps, "{},{at_s:.6},{unix_s:.6}", self.bytes).unwrap();
-        self.sent.write_all(bytes).unwrap();
+        self.data.write_all(bytes).unwrap();
         self.bytes += bytes.len();
     }
 }
 
-/// Makes the recording of the drive of a project.
+/// Writes the recording of a project's drive into a folder.
 pub fn record(project: &Path, into: &Path) {
     fs::create_dir_all(into).unwrap();
     let drive = project.parent().unwrap();
@@ -136,7 +136,7 @@ pub fn record(project: &Path, into: &Path) {
     fs::write(into.join("project.toml"), field.project_text().unwrap()).unwrap();
 }
 
-/// The profiles of a `.bin`, with a clock that began at another time and is slow.
+/// Writes the profiles of a `.bin` file as a scanner log, with a clock that began at another time and is slow.
 fn scanner(bin: &Path, into: &Path, (name, number): (&str, usize), since: impl Fn(f64) -> f64) {
     let settings = ScannerSettings {
         serial_number: 24_001 + number as u32,
@@ -188,7 +188,7 @@ fn scanner(bin: &Path, into: &Path, (name, number): (&str, usize), since: impl F
     send(frame, &mut log);
 }
 
-/// The field that was recorded: the project with sources in place of its files.
+/// The text of `field.toml`: the sources, and the project with sources instead of files.
 fn field(project: &Path) -> String {
     let drive = project.parent().unwrap();
     let mut written: toml::Table = fs::read_to_string(project).unwrap().parse().unwrap();
@@ -201,7 +201,7 @@ fn field(project: &Path) -> String {
     let prism = written["prism"].as_table_mut().unwrap();
     prism.insert("station_m".into(), STATION_M.to_vec().into());
     prism.insert("station_orientation_deg".into(), 0.0.into());
-    // All noise is that of the coordinates.
+    // All noise is already in the coordinates.
     prism.insert("sigma_distance_m".into(), 1e-6.into());
     prism.insert("sigma_angle_arcsec".into(), 1e-3.into());
     for scanner in written["scanner"].as_array_mut().unwrap() {
@@ -228,7 +228,7 @@ fn sentence(body: &str) -> String {
     format!("${body}*{sum:02X}\r\n")
 }
 
-/// A frame of sbgECom.
+/// An sbgECom frame.
 fn sbg_frame(message: u8, payload: &[u8]) -> Vec<u8> {
     let mut frame = vec![0xff, 0x5a, message, 0];
     frame.extend_from_slice(&(payload.len() as u16).to_le_bytes());
@@ -250,7 +250,7 @@ fn device_us(at_s: f64) -> u32 {
 
 fn imu_frame(at_s: f64, accel_m_s2: [f64; 3], gyro_rad_s: [f64; 3]) -> Vec<u8> {
     let mut payload = device_us(at_s).to_le_bytes().to_vec();
-    // Contact, and all sensors in order.
+    // Communication with the IMU works, and all sensors are healthy.
     payload.extend_from_slice(&0x01ff_u16.to_le_bytes());
     let accel = accel_m_s2.map(|value| (value * 1_048_576.0).round() as i32);
     let gyro = gyro_rad_s.map(|value| (value * 67_108_864.0).round() as i32);

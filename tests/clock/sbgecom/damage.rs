@@ -1,9 +1,9 @@
-//! A stream with damage, and what is left of it.
+//! Damages a stream, and counts the frames that are left intact.
 
-/// Furthest that a frame can be behind the last whole one: a hundred destroyed in a row do not happen.
+/// Furthest that a frame can lie behind the last intact one, bytes: a hundred destroyed in a row do not happen.
 const FURTHEST: usize = 4000;
 
-/// Damages about one frame in a hundred of a stream of whole frames, and puts bytes behind as many.
+/// Damages about one frame in a hundred of a stream of intact frames, and inserts bytes after about as many.
 pub fn damage(stream: &[u8]) -> Vec<u8> {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = |below: usize| {
@@ -18,7 +18,7 @@ pub fn damage(stream: &[u8]) -> Vec<u8> {
         rest = behind;
         let mut piece = frame.to_vec();
         let size = piece.len();
-        // The end stays whole: a library that waits for more does not read what is behind it.
+        // The end stays intact: a library that waits for the rest of a frame would not read the frames behind it.
         match random(if rest.len() < 10_000 { 1 } else { 600 }) {
             10 => piece[random(size)] ^= 1 + random(255) as u8,
             11 => piece.truncate(random(size)),
@@ -29,9 +29,9 @@ pub fn damage(stream: &[u8]) -> Vec<u8> {
             20 => piece.extend((0..random(60)).map(|_| random(256) as u8)),
             21 => piece.extend((0..random(60)).map(|_| [0xff, 0x5a, 0x33, 0][random(4)])),
             22 => piece.extend(b"$GPZDA,120000.00,28,02,2024,00,00*6A\r\n"),
-            // A head that claims as much as a frame can have hides the frames behind it.
+            // A header that claims the longest possible frame hides the frames behind it.
             23 => piece.extend([0xff, 0x5a, 0x2c, 0, 0xf6, 0x0f]),
-            // The beginning of a frame that is sent again.
+            // The beginning of the same frame again.
             24 => piece.extend(&frame[..random(size)]),
             _ => {}
         }
@@ -40,9 +40,9 @@ pub fn damage(stream: &[u8]) -> Vec<u8> {
     damaged
 }
 
-/// How many frames of a stream are in another one, byte for byte and in their order, and their bytes. A frame that
-/// was damaged can be whole: its missing byte may be the last one of garbage before it.
-pub fn whole_frames(stream: &[u8], damaged: &[u8]) -> (u64, u64) {
+/// Counts the frames of a stream that another stream contains, byte for byte and in order, and their bytes. Even a
+/// damaged frame can be intact: the garbage before it may end with its missing byte.
+pub fn intact_frames(stream: &[u8], damaged: &[u8]) -> (u64, u64) {
     let (mut rest, mut at) = (stream, 0);
     let (mut frames, mut bytes) = (0, 0);
     while let Some((frame, behind)) = first_frame(rest) {
@@ -58,7 +58,7 @@ pub fn whole_frames(stream: &[u8], damaged: &[u8]) -> (u64, u64) {
     (frames, bytes)
 }
 
-/// The first of whole frames, and the others.
+/// The first frame of a stream of intact frames, and the rest.
 fn first_frame(stream: &[u8]) -> Option<(&[u8], &[u8])> {
     let [low, high] = *stream.get(4..6)?.first_chunk()?;
     stream.split_at_checked(usize::from(u16::from_le_bytes([low, high])) + 9)

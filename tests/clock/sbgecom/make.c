@@ -1,5 +1,5 @@
 /*
- * Makes a stream of sbgECom with the maker's library, and sends it as a sensor does.
+ * Makes an sbgECom stream with the manufacturer's library, and sends it as a sensor does.
  *
  *     make SECONDS short|data file PATH
  *     make SECONDS short|data tcp PORT     serves one client on loopback
@@ -7,8 +7,8 @@
  *
  * An IMU at 200 Hz (IMU_SHORT or IMU_DATA), EKF_EULER, EKF_QUAT and EKF_NAV at 50 Hz, GPS1_HDT and
  * GPS1_POS at 5 Hz, UTC_TIME and STATUS at 1 Hz. The clock of the device rolls over twenty minutes after
- * the start and drifts against UTC. The first ten UTC_TIME have no valid UTC, the next ten no known leap
- * seconds, the next ten none that is accurate; some samples and fixes are not usable.
+ * the start and drifts against UTC. The first ten UTC_TIME messages have no valid UTC, the next ten no known
+ * leap seconds, the next ten no accurate UTC; some samples and fixes are not usable.
  */
 #include <sbgEComLib.h>
 
@@ -22,7 +22,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* 2024-02-28T23:30:00Z, seconds of the day: an hour goes on into the leap day. */
+/* 2024-02-28T23:30:00Z, seconds of the day: an hour ends on the leap day. */
 #define START_S 84600
 #define ROLL_OVER_S 1200
 
@@ -35,7 +35,7 @@ static void fail(const char *what)
     exit(1);
 }
 
-/* Evenly distributed between -1 and 1. */
+/* Uniformly distributed between -1 and 1. */
 static double noise(void)
 {
     state ^= state << 13;
@@ -91,7 +91,7 @@ static void send_imu(uint32_t stamp, long sample, bool is_short)
 {
     uint16_t ok = SBG_ECOM_IMU_COM_OK | SBG_ECOM_IMU_STATUS_BIT | SBG_ECOM_IMU_ACCELS_IN_RANGE |
                   SBG_ECOM_IMU_GYROS_IN_RANGE;
-    /* Some samples without contact to the IMU, some turns that need the other scale. */
+    /* Some samples without communication with the IMU, some rates that need the other scale. */
     uint16_t status = sample % 997 == 500 ? 0 : ok;
     double turn = sample % 4001 == 2000 ? 80.0 : 1.5;
     float accel[3], gyro[3];
@@ -147,7 +147,7 @@ static void send_gnss(uint32_t stamp, long fix)
     sbgEComLogGnssHdtSetBaseLineValid(&hdt, true);
     hdt.heading = (float)(180.0 + 179.9 * noise());
     hdt.pitch = (float)(20.0 * noise());
-    /* An accuracy of 180 degrees is none. */
+    /* An accuracy of 180 degrees stands for none. */
     hdt.headingAccuracy = fix % 50 == 9 ? 180.0f : (float)(0.1 + 0.05 * noise());
     hdt.pitchAccuracy = fix % 50 == 11 ? 90.0f : (float)(0.2 + 0.05 * noise());
     hdt.baseline = 1.25f;
@@ -242,7 +242,7 @@ int main(int count, char **arguments)
             send_gnss(stamp, sample / 40);
         if (sample % 200 == 3)
             send_utc(stamp, sample / 200, utc_ns);
-        /* The receiver's buffer holds some hundred datagrams: what is faster is lost. */
+        /* The receiver's buffer holds a few hundred datagrams: sent faster, they would be lost. */
         if (is_udp && sample % 8 == 0) {
             struct timespec pause = {.tv_nsec = 4000000};
             nanosleep(&pause, NULL);
@@ -254,7 +254,7 @@ int main(int count, char **arguments)
         if (fflush(file))
             fail("the rest is not sent");
         if (!strcmp(arguments[3], "tcp")) {
-            /* A sensor does not hang up: the client does. */
+            /* The client closes the connection, as with a sensor. */
             char byte;
             while (read(fileno(file), &byte, 1) > 0)
                 ;

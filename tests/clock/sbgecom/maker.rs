@@ -1,4 +1,4 @@
-//! The programs made with the maker's library, and what they say.
+//! The programs built with the manufacturer's library, and their output.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,15 +8,15 @@ use std::str::{FromStr, SplitWhitespace};
 use boresight::geometry::Vec3;
 use boresight::sensor::GeographicFix;
 
-/// Both programs, built.
+/// Both programs, compiled.
 pub struct Maker {
     folder: tempfile::TempDir,
 }
 
-/// What the library reads from a file.
+/// The content of a file as the library reads it.
 #[derive(Default)]
 pub struct Reading {
-    /// Whole frames by class and message.
+    /// Number of intact frames by class and message.
     pub frames: BTreeMap<(u8, u8), u64>,
     /// Their bytes.
     pub frame_bytes: u64,
@@ -31,7 +31,7 @@ pub struct Imu {
     pub stamp_us: u32,
     pub status: u16,
     pub values: [f32; 6],
-    /// As they are sent, of IMU_SHORT.
+    /// The integers as sent; only for IMU_SHORT.
     pub raw: Option<[i32; 6]>,
 }
 
@@ -45,22 +45,22 @@ pub struct Heading {
     pub stamp_us: u32,
     pub is_valid: bool,
     pub is_pitch_valid: bool,
-    /// Heading, its accuracy, pitch, its accuracy.
+    /// Heading and its accuracy, pitch and its accuracy.
     pub degrees: [f32; 4],
 }
 
 pub struct Position {
     pub stamp_us: u32,
     pub is_valid: bool,
-    /// Latitude and longitude in degrees, altitude.
+    /// Latitude and longitude in degrees, altitude in metres.
     pub place: [f64; 3],
     pub undulation_m: f32,
-    /// Of latitude, longitude, altitude.
+    /// Accuracy of latitude, longitude, altitude.
     pub accuracy_m: [f32; 3],
 }
 
 impl Position {
-    /// What it says, without its time.
+    /// The position as a fix, without its time.
     pub fn fix(&self) -> GeographicFix {
         let [latitude, longitude, altitude_m] = self.place;
         let [north_m, east_m, up_m] = self.accuracy_m.map(f64::from);
@@ -75,7 +75,7 @@ impl Position {
 }
 
 impl Maker {
-    /// Builds both programs against the library that is installed where BORESIGHT_SBGECOM says.
+    /// Builds both programs with the library that is installed in the folder BORESIGHT_SBGECOM.
     pub fn build() -> Self {
         let prefix = std::env::var("BORESIGHT_SBGECOM");
         let prefix = PathBuf::from(prefix.expect("BORESIGHT_SBGECOM names no library"));
@@ -103,7 +103,7 @@ impl Maker {
         Self { folder }
     }
 
-    /// Makes a stream of so many seconds and sends it.
+    /// Starts to make and send a stream of some seconds.
     pub fn make(&self, seconds: u32, imu: &str, how: &str, to: &str) -> Child {
         let made = Command::new(self.folder.path().join("make"))
             .args([&seconds.to_string(), imu, how, to])
@@ -111,7 +111,7 @@ impl Maker {
         made.expect("make does not run")
     }
 
-    /// Makes such a stream as a file.
+    /// Makes a stream of some seconds as a file; returns its bytes.
     pub fn make_file(&self, seconds: u32, imu: &str, path: &Path) -> Vec<u8> {
         let to = path.to_str().expect("a path");
         let ended = self.make(seconds, imu, "file", to).wait();
@@ -176,7 +176,7 @@ impl Reading {
                 assert_eq!(date[..2], [2024, 2]);
                 // 2024-02-01T00:00:00Z.
                 let day_s = 1_706_745_600 + 86_400 * (date[2] - 1);
-                // Without known leap seconds, it is another time.
+                // Without known leap seconds it is not UTC.
                 if status == 2 {
                     self.utc.push(Utc {
                         stamp_us,
@@ -200,7 +200,7 @@ impl Reading {
                     undulation_m: next(cells),
                     accuracy_m: std::array::from_fn(|_| next(cells)),
                 };
-                // The library says of no position whether it is valid: 9999 m stand for none.
+                // The library does not report whether a position is valid; an accuracy of 9999 m stands for none.
                 let has_accuracy = position.accuracy_m.iter().all(|&it| it < 9999.0);
                 self.positions.push(Position {
                     is_valid: status == 0 && solution != 0 && has_accuracy,

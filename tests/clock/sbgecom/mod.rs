@@ -1,5 +1,5 @@
-//! sbgECom as the maker's own library (SBG-Systems/sbgECom on GitHub, 5.2.590) makes and reads it, recorded by the
-//! binary and read by ours: byte for byte and value for value.
+//! sbgECom streams made by the manufacturer's library (SBG-Systems/sbgECom on GitHub, 5.2.590): the recording is the
+//! same byte for byte, and this program reads the same values as the library.
 //!
 //! The library is not part of this repository. BORESIGHT_SBGECOM names the folder where it is installed, with
 //! `include/sbgEComLib.h` and `lib/libsbgECom.a`.
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use boresight::format;
 use boresight::geometry::Projection;
 use boresight::sensor::{GeographicFix, Observations, project_fixes};
-use damage::{damage, whole_frames};
+use damage::{damage, intact_frames};
 use maker::{Maker, Reading};
 
 /// The names of the messages that are made.
@@ -65,7 +65,7 @@ impl Recorder {
         fs::metadata(&self.log).map_or(0, |log| log.len())
     }
 
-    /// Stops it like Ctrl-C when so many bytes are there, and gives what it recorded.
+    /// Stops it like Ctrl-C once `size` bytes are recorded; returns the recorded bytes.
     fn stop_at(mut self, size: usize) -> Vec<u8> {
         let deadline = Instant::now() + Duration::from_secs(120);
         while self.recorded() < size as u64 && Instant::now() < deadline {
@@ -83,7 +83,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Where a check failed; it is over otherwise.
+        // Still running only if a check failed.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -95,9 +95,9 @@ fn free_port() -> u16 {
     listener.local_addr().unwrap().port()
 }
 
-/// Times of the library's stamps, from its UTC_TIME.
+/// Converts the library's stamps to UTC by its UTC_TIME messages.
 struct Clock {
-    /// Clock of the device in µs and UTC in ns.
+    /// Time of the device in µs and UTC in ns.
     pairs: Vec<(i64, i64)>,
 }
 
@@ -140,7 +140,7 @@ impl Clock {
     }
 }
 
-/// Compares what is read from a log with what the library reads; tells how many values agreed.
+/// Compares the values read from a log with those of the library; returns how many agree.
 fn assert_same_values(log: &Path, maker: &Reading) -> usize {
     let clock = Clock::of(maker);
     let same_time = |time_s: f64, device_us: i64| {
@@ -157,7 +157,7 @@ fn assert_same_values(log: &Path, maker: &Reading) -> usize {
     let expected: Vec<_> = stamps
         .into_iter()
         .zip(&maker.imu)
-        // Without contact to the IMU, a sample is none.
+        // Samples without communication with the IMU are not valid.
         .filter(|(_, imu)| imu.status & 1 == 1)
         .collect();
     assert_eq!(found.len(), expected.len());
@@ -180,7 +180,7 @@ fn assert_same_values(log: &Path, maker: &Reading) -> usize {
                 Some(raw) => {
                     let scale = if nth < 3 { gyro_scale } else { 1_048_576.0 };
                     assert_eq!(found, f64::from(raw[nth]) / scale);
-                    // The library computes with 24 bits.
+                    // The library computes in single precision, 24 bits.
                     assert!(
                         (found - value).abs() <= 1.2e-7 * value.abs(),
                         "{found}: {value}"
@@ -213,7 +213,7 @@ fn assert_same_values(log: &Path, maker: &Reading) -> usize {
         values += 5;
     }
 
-    // Projected by the same function, so that what is compared are latitudes and longitudes.
+    // Both are projected by the same function, so that this compares latitudes and longitudes.
     let system = Projection::new("EPSG:25832").unwrap();
     let found = format::read_projected_positions(log, &Observations::AsFound, Some(&system));
     let found = found.unwrap().fixes;
@@ -235,7 +235,7 @@ fn assert_same_values(log: &Path, maker: &Reading) -> usize {
     values
 }
 
-/// Compares the counts of a log with those of the library: frames of each kind, and all other bytes.
+/// Compares the counts that `inspect` reports with those of the library: frames of each kind, and all other bytes.
 fn assert_same_counts(log: &Path, maker: &Reading) {
     let notes = format::inspect(log).unwrap().notes;
     let note = notes.iter().find(|note| note.contains("STATUS")).unwrap();
@@ -249,14 +249,14 @@ fn assert_same_counts(log: &Path, maker: &Reading) {
     let expected: Vec<String> = kinds.chain(damaged).collect();
     assert_eq!(parts.len(), expected.len(), "{note}");
     for (part, expected) in parts.iter().zip(&expected) {
-        // How many are not usable, or in how many places, may follow.
+        // The number of unusable frames, or of damaged places, may follow.
         let rest = part.strip_prefix(expected.as_str());
         let ends = |it: &str| it.is_empty() || it.starts_with(" (") || it.starts_with(" in ");
         assert!(rest.is_some_and(ends), "{part}: {expected}");
     }
 }
 
-/// Compares a log, apart from the times of its arrival, with what the library reads from it.
+/// Compares a log without times of arrival with the library's reading of it.
 fn assert_same(what: &str, maker: &Maker, bytes: &[u8]) -> Reading {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("ins.sbg");
@@ -272,18 +272,18 @@ fn assert_same(what: &str, maker: &Maker, bytes: &[u8]) -> Reading {
     reading
 }
 
-/// Checks that the frames read from a damaged stream are all that are still whole.
-fn assert_whole_kept(reading: &Reading, sent: &[u8], damaged: &[u8]) {
+/// Checks that exactly the intact frames of a damaged stream are read.
+fn assert_intact_read(reading: &Reading, sent: &[u8], damaged: &[u8]) {
     let frames: u64 = reading.frames.values().sum();
-    assert_eq!((frames, reading.frame_bytes), whole_frames(sent, damaged));
+    assert_eq!((frames, reading.frame_bytes), intact_frames(sent, damaged));
     let other_bytes = damaged.len() as u64 - reading.frame_bytes;
-    println!("all whole frames are kept, {other_bytes} bytes are outside of them");
+    println!("all intact frames are read, {other_bytes} bytes lie outside of them");
     assert!(other_bytes > sent.len() as u64 / 200, "hardly damaged");
 }
 
 #[test]
-#[ignore = "needs the library sbgECom, where BORESIGHT_SBGECOM says"]
-fn hour_over_tcp() {
+#[ignore = "needs the library sbgECom in the folder BORESIGHT_SBGECOM"]
+fn an_hour_over_tcp_is_recorded_and_read_as_by_the_library() {
     let (maker, folder) = (Maker::build(), tempfile::tempdir().unwrap());
     let sent = maker.make_file(3600, "short", &folder.path().join("sent.sbg"));
     let port = free_port();
@@ -301,8 +301,8 @@ fn hour_over_tcp() {
 }
 
 #[test]
-#[ignore = "needs the library sbgECom, where BORESIGHT_SBGECOM says"]
-fn minutes_over_udp() {
+#[ignore = "needs the library sbgECom in the folder BORESIGHT_SBGECOM"]
+fn two_minutes_over_udp_are_recorded_and_read_as_by_the_library() {
     let (maker, folder) = (Maker::build(), tempfile::tempdir().unwrap());
     let sent = maker.make_file(120, "short", &folder.path().join("sent.sbg"));
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -328,8 +328,8 @@ fn minutes_over_udp() {
 }
 
 #[test]
-#[ignore = "needs the library sbgECom, where BORESIGHT_SBGECOM says"]
-fn hour_with_damage() {
+#[ignore = "needs the library sbgECom in the folder BORESIGHT_SBGECOM"]
+fn all_intact_frames_of_a_damaged_hour_are_read() {
     let (maker, folder) = (Maker::build(), tempfile::tempdir().unwrap());
     let sent = maker.make_file(3600, "short", &folder.path().join("sent.sbg"));
     let damaged = damage(&sent);
@@ -346,16 +346,16 @@ fn hour_with_damage() {
     });
     assert!(recorded == damaged, "{} bytes", recorded.len());
     let reading = assert_same("an hour with damage", &maker, &recorded);
-    assert_whole_kept(&reading, &sent, &recorded);
+    assert_intact_read(&reading, &sent, &recorded);
 }
 
 #[test]
-#[ignore = "needs the library sbgECom, where BORESIGHT_SBGECOM says"]
-fn imu_data() {
+#[ignore = "needs the library sbgECom in the folder BORESIGHT_SBGECOM"]
+fn imu_data_messages_are_read_as_by_the_library() {
     let (maker, folder) = (Maker::build(), tempfile::tempdir().unwrap());
     let sent = maker.make_file(600, "data", &folder.path().join("sent.sbg"));
     assert_same("IMU_DATA", &maker, &sent);
     let damaged = damage(&sent);
     let reading = assert_same("IMU_DATA with damage", &maker, &damaged);
-    assert_whole_kept(&reading, &sent, &damaged);
+    assert_intact_read(&reading, &sent, &damaged);
 }

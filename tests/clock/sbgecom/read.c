@@ -1,10 +1,10 @@
 /*
- * Prints what the maker's library reads from a file of sbgECom.
+ * Prints the content of an sbgECom file as read by the manufacturer's library.
  *
  *     read PATH
  *
- * Each whole frame is a line: "frame CLASS MESSAGE BYTES". What boresight reads of it follows in a
- * line of its own; values are those that the library gives, with all their digits.
+ * Each intact frame is a line: "frame CLASS MESSAGE BYTES". For messages that boresight reads, a second
+ * line holds the library's values, with all digits.
  */
 #include <sbgEComLib.h>
 
@@ -62,7 +62,7 @@ static void print_utc(const SbgEComLogUtc *log)
 
 static void print_hdt(const SbgEComLogGnssHdt *log)
 {
-    /* The library looks only at the accuracies. */
+    /* The library checks only the accuracies. */
     bool has_solution = sbgEComLogGnssHdtGetStatus(log) == SBG_ECOM_GNSS_HDT_STATUS_SOL_COMPUTED;
     printf("hdt %u %d %d %.9g %.9g %.9g %.9g\n", log->timeStamp,
            has_solution && sbgEComLogGnssHdtHeadingIsValid(log), sbgEComLogGnssHdtPitchIsValid(log), log->heading,

@@ -1,4 +1,4 @@
-"""Writes the sample bags of this folder with programs that are not part of this one.
+"""Writes the sample bags of this folder with other programs.
 
 pip install rosbags mcap mcap-ros2-support numpy lz4 zstandard
 python make.py            (in this folder)
@@ -122,7 +122,7 @@ def ros1(name, compression, chunk=None):
         connections = {}
         for topic, kind, ns, message in messages(store, 1):
             if topic not in connections:
-                # The definitions would be most of such a small file; no reader of it needs them.
+                # The definitions would be most of such a small file, and its readers do not need them.
                 md5 = store.generate_msgdef(kind, ros_version=1)[1]
                 connections[topic] = writer.add_connection(topic, kind, msgdef="# omitted", md5sum=md5)
             writer.write(connections[topic], ns, store.serialize_ros1(message, kind))

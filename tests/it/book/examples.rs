@@ -1,4 +1,4 @@
-//! The examples: projects, fields and scenarios are read, commands are tried.
+//! The examples: projects, fields and scenarios are read, commands are run.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::{Block, Page, chapters, root};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_boresight");
 
-/// What a project needs beside an example that shows a part of one.
+/// The parts that complete an example to a project.
 const LOGS: &str =
     "[imu]\nfile = \"imu.csv\"\n[prism]\nfile = \"prism.csv\"\nlever_arm_m = [0, 0, 1]\n";
 const HEADING: &str = "[heading]\nfile = \"heading.csv\"\n";
@@ -27,7 +27,7 @@ fn blocks(language: &str) -> Vec<Block> {
     blocks.filter(|block| block.language == language).collect()
 }
 
-/// Reads an example as what it is; true if it is a project.
+/// Reads an example as project, field, campaign or scenario; returns whether it is a project.
 fn read(block: &Block, folder: &Path) -> bool {
     let at = &block.at;
     let table: toml::Table = block
@@ -66,7 +66,7 @@ fn read(block: &Block, folder: &Path) -> bool {
 }
 
 #[test]
-fn every_toml_example_is_understood() {
+fn every_toml_example_is_valid() {
     let folder = tempfile::tempdir().unwrap();
     let blocks = blocks("toml");
     let projects = blocks
@@ -80,14 +80,14 @@ fn every_toml_example_is_understood() {
     );
 }
 
-/// The words of a line of a shell; nothing here has blanks in quotes.
+/// The words of a shell command; the book has none with spaces in quotes.
 fn words(line: &str) -> Vec<&str> {
     let line = line.split(" #").next().unwrap_or_default();
     line.split_whitespace().collect()
 }
 
 #[test]
-fn every_command_is_one() {
+fn every_command_is_accepted() {
     let folder = tempfile::tempdir().unwrap();
     let run = |words: &[&str], more: &[&str]| {
         let output = Command::new(PROGRAM)
@@ -105,7 +105,7 @@ fn every_command_is_one() {
             .filter(|line| line.starts_with("boresight "))
         {
             let words = words(line);
-            let said = |output: &std::process::Output| {
+            let stderr = |output: &std::process::Output| {
                 String::from_utf8_lossy(&output.stderr).into_owned()
             };
             let help = run(&words, &["--help"]);
@@ -113,9 +113,9 @@ fn every_command_is_one() {
                 help.status.success(),
                 "{}: {line}\n{}",
                 block.at,
-                said(&help)
+                stderr(&help)
             );
-            // Without its files a command fails (1), but it is used as it should be (not 2).
+            // Without its files the command fails (1), but its usage is right (not 2).
             if !["demo", "simulate", "record"].contains(&words[1]) {
                 let tried = run(&words, &[]);
                 assert_eq!(
@@ -123,7 +123,7 @@ fn every_command_is_one() {
                     Some(1),
                     "{}: {line}\n{}",
                     block.at,
-                    said(&tried)
+                    stderr(&tried)
                 );
             }
             count += 1;
@@ -132,15 +132,15 @@ fn every_command_is_one() {
     assert!(count >= 20, "{count} commands");
 }
 
-/// Text on one line, for comparing what is broken into lines otherwise.
+/// Text on one line, to compare texts with different line breaks.
 fn on_one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// The tutorial on a small drive: what only looks is run, and prints what the page says.
+/// Runs the commands of the tutorial that only inspect, on a small drive: they print the output that the page shows.
 #[cfg(unix)]
 #[test]
-fn the_tutorial_prints_what_it_says() {
+fn the_commands_of_the_tutorial_print_the_output_that_it_shows() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("small.toml");
     let pass = |board: u8| format!("[[drives.passes]]\nboard = {board}\nheading_deg = 90.0\n");
@@ -166,12 +166,12 @@ fn the_tutorial_prints_what_it_says() {
     let blocks = Page::read(root().join("docs/tutorial.md")).blocks();
     let mut printed = 0;
     for (index, block) in blocks.iter().enumerate() {
-        let only_looks = |line: &str| {
+        let only_inspects = |line: &str| {
             ["boresight inspect", "sed "]
                 .iter()
                 .any(|word| line.starts_with(word))
         };
-        if block.language != "sh" || !block.text.lines().all(only_looks) {
+        if block.language != "sh" || !block.text.lines().all(only_inspects) {
             continue;
         }
         let output = Command::new("sh")
@@ -181,21 +181,21 @@ fn the_tutorial_prints_what_it_says() {
             .current_dir(folder.path())
             .output()
             .unwrap();
-        let found = String::from_utf8_lossy(&output.stdout).into_owned()
+        let output = String::from_utf8_lossy(&output.stdout).into_owned()
             + &String::from_utf8_lossy(&output.stderr);
         let here = format!("{}/", folder.path().canonicalize().unwrap().display());
-        let found = on_one_line(
-            &found
+        let output = on_one_line(
+            &output
                 .replace(&here, "")
                 .replace(&format!("{}/", folder.path().display()), ""),
         );
-        // What it prints, if the page shows it, follows at once.
+        // If the page shows the output, it follows the command at once.
         let next = blocks.get(index + 1);
         let next = next.filter(|next| next.language == "text" && next.lines.0 <= block.lines.1 + 2);
         for part in next.into_iter().flat_map(|next| next.text.split("\n\n")) {
             assert!(
-                found.contains(&on_one_line(part)),
-                "{}: `{part}` is not in\n{found}",
+                output.contains(&on_one_line(part)),
+                "{}: `{part}` is not in\n{output}",
                 block.at
             );
             printed += 1;
@@ -204,9 +204,9 @@ fn the_tutorial_prints_what_it_says() {
     assert_eq!(printed, 3);
 }
 
-/// `init` on a folder without a project, as in "Your own robot".
+/// Runs `init` on a folder without a project, as in "Your own robot".
 #[test]
-fn a_folder_of_logs_becomes_the_project_of_the_book() {
+fn init_writes_the_tables_of_the_project_in_the_book() {
     let folder = tempfile::tempdir().unwrap();
     let drive = folder.path().join("drive");
     fs::create_dir(&drive).unwrap();

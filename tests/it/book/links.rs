@@ -8,23 +8,23 @@ use super::{Page, chapters, pages, root};
 /// The targets of the links and pictures of a page.
 fn targets(page: &Page) -> Vec<String> {
     let prose = page.prose();
-    // What stands in backticks is no link.
+    // Text in backticks is not a link.
     let plain: String = prose.split('`').step_by(2).collect();
     let parts = plain.split("](").skip(1);
     let targets = parts.filter_map(|part| part.split_once(')'));
-    let mut found: Vec<String> = targets.map(|(target, _)| target.to_owned()).collect();
-    found.extend(
+    let mut targets: Vec<String> = targets.map(|(target, _)| target.to_owned()).collect();
+    targets.extend(
         prose
             .split("src=\"")
             .skip(1)
             .filter_map(|part| Some(part.split_once('"')?.0.to_owned())),
     );
-    found
+    targets
 }
 
-/// The anchors of a page, as GitHub and mdBook make them of headings.
+/// The anchors of a page, as GitHub and mdBook derive them from headings.
 fn anchors(page: &Page) -> Vec<String> {
-    let mut seen: HashMap<String, usize> = HashMap::new();
+    let mut counts: HashMap<String, usize> = HashMap::new();
     let mut anchors = Vec::new();
     let mut is_code = false;
     for line in page.text.lines() {
@@ -34,11 +34,11 @@ fn anchors(page: &Page) -> Vec<String> {
             continue;
         }
         let lower = heading.trim().to_lowercase();
-        let kept = lower
+        let allowed = lower
             .chars()
             .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
-        let anchor: String = kept.map(|c| if c == ' ' { '-' } else { c }).collect();
-        let count = seen.entry(anchor.clone()).or_default();
+        let anchor: String = allowed.map(|c| if c == ' ' { '-' } else { c }).collect();
+        let count = counts.entry(anchor.clone()).or_default();
         anchors.push(if *count == 0 {
             anchor
         } else {
@@ -79,7 +79,7 @@ fn every_link_leads_somewhere() {
             };
             let in_book = page.path.starts_with(root().join("docs"));
             if !path.exists() {
-                broken.push(format!("{}: {target} is not there", page.name()));
+                broken.push(format!("{}: {target} does not exist", page.name()));
             } else if in_book && !path.starts_with(root().join("docs")) {
                 broken.push(format!("{}: {target} is outside the book", page.name()));
             } else if !anchor.is_empty()
@@ -110,7 +110,7 @@ fn the_summary_lists_every_page_once() {
 }
 
 #[test]
-fn every_picture_is_shown_and_drawn_for_dark_pages_too() {
+fn every_picture_is_shown_and_drawings_support_dark_pages() {
     let shown: Vec<PathBuf> = pages()
         .iter()
         .flat_map(|page| {

@@ -1,4 +1,4 @@
-//! The book in docs/: its links, its examples, and the messages and functions that it names.
+//! The book in docs/: its links, its examples, and the messages and functions that it mentions.
 
 mod examples;
 mod links;
@@ -30,7 +30,7 @@ impl Page {
         path.to_string_lossy().replace('\\', "/")
     }
 
-    /// Its code blocks: what they are in, where they begin, and what they hold.
+    /// Its code blocks: language, position and text.
     fn blocks(&self) -> Vec<Block> {
         let (mut blocks, mut inside): (Vec<Block>, bool) = (Vec::new(), false);
         for (line, text) in self.text.lines().enumerate() {
@@ -70,7 +70,7 @@ impl Page {
 struct Block {
     language: String,
     at: String,
-    /// First and last, from 0.
+    /// First and last line, counted from 0.
     lines: (usize, usize),
     text: String,
 }
@@ -86,7 +86,7 @@ fn chapters() -> Vec<Page> {
     pages.into_iter().map(Page::read).collect()
 }
 
-/// The pages of the book, and others that have links.
+/// The pages of the book, and other pages with links.
 fn pages() -> Vec<Page> {
     let others = [
         "README.md",

@@ -1,4 +1,4 @@
-//! Messages and functions that the book names.
+//! Messages and functions that the book mentions.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{Page, root};
 use crate::common::source_folders;
 
-/// All sources of the library, without the line breaks of long texts.
+/// Appends all sources of the library, without the line breaks in long texts.
 fn sources(folder: &Path, all: &mut String) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -22,7 +22,7 @@ fn sources(folder: &Path, all: &mut String) {
 }
 
 #[test]
-fn the_messages_of_troubleshooting_are_those_of_the_program() {
+fn the_messages_of_the_troubleshooting_page_are_those_of_the_program() {
     let mut all = String::new();
     for folder in source_folders() {
         sources(&folder, &mut all);
@@ -62,19 +62,19 @@ fn expanded(name: &str) -> Vec<String> {
     }
 }
 
-/// Whether a text defines something of this kind with this whole name.
+/// Whether a text defines an item of this kind with exactly this name.
 fn names(text: &str, kind: &str, name: &str) -> bool {
     let whole = format!("{kind}{name}");
     let mut rests = text.split(&whole).skip(1);
     rests.any(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
 }
 
-/// Whether a path of the library leads somewhere in one of its folders.
+/// Whether a path of the library exists in one of its folders.
 fn is_there(name: &str) -> bool {
     source_folders().iter().any(|folder| is_in(folder, name))
 }
 
-/// Whether a path from a folder leads to a module, or to something that a file along it names.
+/// Whether a path from a folder leads to a module, or to an item that a file along the path defines.
 fn is_in(folder: &Path, name: &str) -> bool {
     let mut folder = folder.to_owned();
     let mut text = String::new();
@@ -100,7 +100,7 @@ fn is_in(folder: &Path, name: &str) -> bool {
 }
 
 #[test]
-fn the_functions_of_the_method_are_there() {
+fn the_functions_of_the_method_page_exist() {
     let page = Page::read(root().join("docs/method.md"));
     let rows = page.text.lines().filter(|line| line.starts_with("| "));
     let mut count = 0;

@@ -3,7 +3,7 @@
 use crate::common::samples::*;
 
 #[test]
-fn a_truncated_recording_says_where() {
+fn the_error_of_a_truncated_recording_names_the_byte() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.bin");
     write_recording(&path, 3);

@@ -1,4 +1,4 @@
-//! Files that others wrote, or could have.
+//! Files that other programs wrote or could have written.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::common::samples::*;
 use crate::common::{data, external_data};
 
 #[test]
-fn sensor_poses_beside_the_points_bring_the_points_back() {
+fn points_with_sensor_poses_return_to_their_world_coordinates() {
     let truck = data("boresight_truck/Truck.adc.laz");
     let points = all_points(&truck).unwrap();
     assert_eq!(points.len(), 26_414);
@@ -32,7 +32,7 @@ fn sensor_poses_beside_the_points_bring_the_points_back() {
         .map(|point| {
             let range = point.position_m.norm();
             assert!(range > 15.0 && range < 80.0, "{range}");
-            // The file's times are whole seconds, yet every point finds its own pose.
+            // The file's times are whole seconds, but every point gets the right pose.
             let i = nodes.partition_point(|node| node.time_s < point.time_s);
             assert_eq!(nodes[i].time_s, point.time_s);
             let p = nodes[i].world_from_body.map(&point.position_m);
@@ -47,7 +47,7 @@ fn sensor_poses_beside_the_points_bring_the_points_back() {
     world.sort_by(order);
     back.sort_by(order);
     assert_eq!(world, back);
-    // Along each pass the sensor moves as an aircraft does, not to and fro.
+    // Along each pass the sensor moves steadily like an aircraft, not back and forth.
     let steps: Vec<_> = nodes
         .windows(2)
         .map(|n| {
@@ -71,8 +71,8 @@ fn extent(points: &[Vec3]) -> [(f64, f64); 3] {
     })
 }
 
-/// A file is recognised and read: its format and points, and whether they have times.
-fn holds(path: &Path, format: &str, count: usize, timed: bool) -> Vec<Vec3> {
+/// Checks format, number of points and presence of times of a file; returns the points.
+fn assert_cloud(path: &Path, format: &str, count: usize, timed: bool) -> Vec<Vec3> {
     let name = path.display();
     assert_eq!(detect(path).unwrap().id(), format, "{name}");
     let cloud = read_cloud(path).unwrap();
@@ -82,8 +82,8 @@ fn holds(path: &Path, format: &str, count: usize, timed: bool) -> Vec<Vec3> {
     cloud.points
 }
 
-/// A file that is there is an error that names it.
-fn is_refused(path: &Path) {
+/// Checks that a file exists and is refused with an error that names it.
+fn assert_refused(path: &Path) {
     assert!(path.exists(), "{}", path.display());
     let error = inspect(path).unwrap_err().to_string();
     let name = path.file_name().unwrap().to_str().unwrap();
@@ -91,7 +91,7 @@ fn is_refused(path: &Path) {
 }
 
 #[test]
-fn the_folders_of_euroc_are_read_as_they_are() {
+fn euroc_folders_are_read_as_published() {
     let Some(folder) = external_data("readers/euroc_5line_sample") else {
         return;
     };
@@ -104,16 +104,16 @@ fn the_folders_of_euroc_are_read_as_they_are() {
     assert_eq!(inspect(&truth).unwrap().format.id(), "euroc-poses");
     assert!(read_trajectory(&truth).unwrap()[0].velocity_m_s.is_some());
     let leica = folder.join("leica0/data.csv");
-    let found = read_positions(&leica, &Observations::AsFound).unwrap();
-    assert_eq!(inspect(&leica).unwrap().count, found.fixes.len() as u64);
+    let positions = read_positions(&leica, &Observations::AsFound).unwrap();
+    assert_eq!(inspect(&leica).unwrap().count, positions.fixes.len() as u64);
 }
 
 #[test]
-fn more_files_that_others_wrote_hold_what_they_should() {
+fn external_clouds_of_other_programs_are_read() {
     let Some(folder) = external_data("readers") else {
         return;
     };
-    holds(
+    assert_cloud(
         &folder.join("ply/smallgicp_source.ply"),
         "ply",
         69_792,
@@ -121,16 +121,16 @@ fn more_files_that_others_wrote_hold_what_they_should() {
     );
     let [float, int24] = ["Float", "Int24"].map(|kind| {
         let bunny = folder.join(format!("e57/cry_bunny{kind}.e57"));
-        holds(&bunny, "e57", 30_571, false)
+        assert_cloud(&bunny, "e57", 30_571, false)
     });
     for (a, b) in float.iter().zip(&int24) {
         assert!((a - b).amax() < 1e-6, "{a} {b}");
     }
-    is_refused(&folder.join("imu_csv/microstrain_3DM-GX3-35.csv"));
+    assert_refused(&folder.join("imu_csv/microstrain_3DM-GX3-35.csv"));
 }
 
 #[test]
-fn clouds_that_others_wrote_hold_what_they_should() {
+fn clouds_of_other_programs_are_read_and_damaged_ones_refused() {
     let folder = data("readers");
     for (name, format, count, timed) in [
         ("las/autzen.las", "las", 106, true),
@@ -144,7 +144,7 @@ fn clouds_that_others_wrote_hold_what_they_should() {
         ("ptx_pts/1.2-with-color.ptx", "ptx", 1065, false),
         ("e57/pdal_A4_moved.e57", "e57", 4, false),
     ] {
-        holds(&folder.join(name), format, count, timed);
+        assert_cloud(&folder.join(name), format, count, timed);
     }
     // The same points in LAS, PTX and LAZ.
     let las = read_cloud(&folder.join("las/pdal_1.2-with-color.las")).unwrap();
@@ -162,7 +162,7 @@ fn clouds_that_others_wrote_hold_what_they_should() {
         "trajectory/pdal_badfile.sbet",
         "csd/optech_sample.csd",
     ] {
-        is_refused(&folder.join(name));
+        assert_refused(&folder.join(name));
     }
     let sbet = folder.join("trajectory/pdal_2-points.sbet");
     let report = inspect(&sbet).unwrap();
@@ -178,7 +178,7 @@ fn clouds_that_others_wrote_hold_what_they_should() {
 }
 
 #[test]
-fn arrays_of_numpy_are_clouds() {
+fn numpy_arrays_are_read_as_clouds() {
     let folder = data("m3c2_case");
     let cloud = read_cloud(&folder.join("epoch1.npy")).unwrap();
     assert_eq!(cloud.points.len(), 13_936);
@@ -189,7 +189,7 @@ fn arrays_of_numpy_are_clouds() {
 }
 
 #[test]
-fn mountings_return_and_show_the_convention_of_bonn() {
+fn mounting_files_of_bonn_are_read_in_their_convention_and_written_back() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("left.xml");
     std::fs::write(
@@ -222,7 +222,7 @@ fn mountings_return_and_show_the_convention_of_bonn() {
 }
 
 #[test]
-fn ply_of_all_encodings_is_the_same_cloud() {
+fn ply_files_of_all_encodings_give_the_same_cloud() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.ply");
     let points = [[1.5f32, -2.25, 3.0, 7.0], [0.5, 0.25, -8.0, 9.0]];
@@ -258,7 +258,7 @@ fn ply_of_all_encodings_is_the_same_cloud() {
 }
 
 #[test]
-fn compressed_pcd_is_unpacked() {
+fn compressed_pcd_files_are_unpacked() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.pcd");
     let columns: Vec<u8> = [1.0f32, 2.0, 3.0, 4.0, 5.0, 6.0]
@@ -268,7 +268,7 @@ fn compressed_pcd_is_unpacked() {
     let mut file = b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\n\
         COUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA binary_compressed\n"
         .to_vec();
-    // All literals: one run of 24.
+    // Only literals: one run of 24.
     file.extend(25u32.to_le_bytes());
     file.extend(24u32.to_le_bytes());
     file.push(23);
@@ -282,7 +282,7 @@ fn compressed_pcd_is_unpacked() {
 }
 
 #[test]
-fn tables_and_plain_lines_are_clouds_too() {
+fn tables_and_plain_lines_are_read_as_clouds() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cloud.csv");
     let cloud = boresight::cloud::PointCloud {
@@ -314,7 +314,7 @@ fn tables_and_plain_lines_are_clouds_too() {
 }
 
 #[test]
-fn an_inspection_names_span_rate_gaps_and_ranges() {
+fn an_inspection_reports_span_rate_gaps_and_ranges() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("imu.csv");
     let imu: Vec<_> = (0..1000)
@@ -354,7 +354,7 @@ fn an_inspection_names_span_rate_gaps_and_ranges() {
 }
 
 #[test]
-fn scans_of_an_e57_are_moved_by_their_poses() {
+fn scans_of_an_e57_are_transformed_by_their_poses() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.e57");
     let mut writer = e57::E57Writer::from_file(&path, "file").unwrap();

@@ -1,4 +1,4 @@
-//! Files that others wrote, round trips of all that is written here, and damaged files.
+//! Files of other programs, round trips of all formats that are written, and damaged files.
 
 mod damage;
 mod foreign;

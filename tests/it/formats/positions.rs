@@ -1,4 +1,4 @@
-//! Logs of positions: every form of them, and what is wrong with some.
+//! Logs of positions in every form, and their errors.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ fn station() -> TotalStation {
     }
 }
 
-/// What reading `text` as `observations` finds wrong.
+/// The error of reading `text` as `observations`.
 fn refusal(text: &str, observations: &Observations) -> String {
     let folder = tempfile::tempdir().unwrap();
     let error = read_positions(&log(folder.path(), text), observations).unwrap_err();
@@ -36,7 +36,7 @@ fn refusal(text: &str, observations: &Observations) -> String {
 }
 
 #[test]
-fn sigmas_and_covariances_return_bit_by_bit() {
+fn sigmas_and_covariances_are_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.csv");
     let skew = Mat3::new(4e-6, 1e-6, -2e-7, 1e-6, 9e-6, 3e-7, -2e-7, 3e-7, 1.7e-5);
@@ -52,7 +52,7 @@ fn sigmas_and_covariances_return_bit_by_bit() {
             "up_m,cov_ee_m2,cov_nn_m2,cov_uu_m2,cov_en_m2,cov_eu_m2,cov_nu_m2\n",
         ),
     ] {
-        // Some fixes say nothing, and the times are as bad as they come.
+        // Some fixes have no covariance, and the times are neither sorted nor unique.
         let times = [3.0, 1.0, 1.0, 2.0];
         let fixes: Vec<_> = (0..4)
             .map(|i| PositionFix {
@@ -71,14 +71,14 @@ fn sigmas_and_covariances_return_bit_by_bit() {
 }
 
 #[test]
-fn pitch_returns_with_the_heading() {
+fn pitch_is_read_back_with_the_heading() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.csv");
     let fixes: Vec<_> = (0..20)
         .map(|i| HeadingFix {
             pitch_rad: (i % 2 == 0).then_some(0.01 * i as f64),
             pitch_sigma_rad: (i % 4 == 0).then_some(0.02),
-            // Backwards and twice: nothing for the reader to judge.
+            // Times run backwards and repeat: the reader accepts that.
             ..HeadingFix::new(f64::from(20 - i / 2), 0.3, None)
         })
         .collect();
@@ -110,7 +110,7 @@ fn pitch_returns_with_the_heading() {
 }
 
 #[test]
-fn imu_rows_come_as_they_stand() {
+fn imu_rows_keep_the_order_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let header =
         "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n";
@@ -121,7 +121,7 @@ fn imu_rows_come_as_they_stand() {
 }
 
 #[test]
-fn polar_rows_become_positions_and_those_without_range_are_named() {
+fn polar_rows_become_positions_and_rows_without_a_range_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let path = log(
         folder.path(),
@@ -137,11 +137,11 @@ fn polar_rows_become_positions_and_those_without_range_are_named() {
         2000.0 + 20.0 * 0.75_f64.sqrt(),
         310.0
     ));
-    // Along the sight the distance, across it 1e-5 rad in 10 m.
+    // Along the line of sight the sigma of the distance, across it 1e-5 rad times 10 m.
     let covariance = read.fixes[0].covariance_m2.unwrap();
     let expected = Mat3::from_diagonal(&Vec3::new(1e-6, 1e-8, 1e-8));
     assert!((covariance - expected).abs().max() < 1e-20, "{covariance}");
-    let told: Vec<String> = read
+    let rejected: Vec<String> = read
         .rejected
         .iter()
         .map(|row| {
@@ -150,7 +150,7 @@ fn polar_rows_become_positions_and_those_without_range_are_named() {
         })
         .collect();
     assert_eq!(
-        told,
+        rejected,
         [
             "/log.csv, line 3, 2 s: zero range (status 3)",
             "/log.csv, line 6, 2.5 s: a range of -1 m"
@@ -159,7 +159,7 @@ fn polar_rows_become_positions_and_those_without_range_are_named() {
 }
 
 #[test]
-fn what_cannot_be_meant_is_said() {
+fn contradictory_or_incomplete_logs_are_refused_with_the_reason() {
     let coordinates = "time_s,east_m,north_m,up_m\n1,2,3,4\n";
     let polar = "time_s,slope_distance_m,horizontal_deg,vertical_deg\n1,10,90,90\n";
     let both = "time_s,east_m,north_m,up_m,slope_distance_m,horizontal_deg,vertical_deg\n\
@@ -169,7 +169,7 @@ fn what_cannot_be_meant_is_said() {
         vertical: VerticalAngle::Elevation,
         ..station()
     });
-    let found = Observations::AsFound;
+    let as_found = Observations::AsFound;
     let sigmas = |columns: &str, values: &str| {
         format!("time_s,east_m,north_m,up_m,{columns}\n1,2,3,4,{values}\n")
     };
@@ -178,7 +178,7 @@ fn what_cannot_be_meant_is_said() {
     for (text, observations, expected) in [
         (
             polar,
-            &found,
+            &as_found,
             "found polar observations only, expected the instrument's pose",
         ),
         (
@@ -188,12 +188,12 @@ fn what_cannot_be_meant_is_said() {
         ),
         (
             both,
-            &found,
+            &as_found,
             "expected a choice in the project: observations = \"cartesian\"",
         ),
         (
             geographic,
-            &found,
+            &as_found,
             "found the geographic column latitude_deg, expected projected",
         ),
         (
@@ -213,37 +213,37 @@ fn what_cannot_be_meant_is_said() {
         ),
         (
             &sigmas("sigma_east_m,sigma_north_m", "1,1"),
-            &found,
+            &as_found,
             "2 of sigma_east_m",
         ),
         (
             &sigmas("sigma_m,sigma_east_m,sigma_north_m,sigma_up_m", "1,1,1,1"),
-            &found,
+            &as_found,
             "found 1 of sigma_m, 3 of",
         ),
         (
             &sigmas("sigma_east_m,sigma_north_m,sigma_up_m", "1,1,-1"),
-            &found,
+            &as_found,
             "line 2: found sigma_up_m = -1",
         ),
         (
             &sigmas(covariances, "1,1,1,2,0,0"),
-            &found,
+            &as_found,
             "line 2: found the covariance 1, 1, 1, 2, 0, 0 m2, expected a positive definite",
         ),
         (
             &sigmas("sigma_me", "5"),
-            &found,
+            &as_found,
             "`sigma_me` looks like `sigma_m`",
         ),
     ] {
         let message = refusal(text, observations);
         assert!(
             message.contains(expected),
-            "{message}\n  should hold: {expected}"
+            "{message}\n  should contain: {expected}"
         );
     }
-    // Where the project says which, both are read.
+    // If the project chooses, both forms are read.
     let folder = tempfile::tempdir().unwrap();
     let path = log(folder.path(), both);
     let read = read_positions(&path, &Observations::Cartesian).unwrap();
@@ -253,7 +253,7 @@ fn what_cannot_be_meant_is_said() {
 }
 
 #[test]
-fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
+fn a_real_total_station_log_gives_the_same_positions_as_polar_and_as_cartesian() {
     let Some(path) = external_data("total_station/tps_20210119155250.csv") else {
         return;
     };
@@ -281,8 +281,8 @@ fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
     for (a, b) in polar.fixes.iter().zip(&cartesian.fixes) {
         assert_eq!(a.time_s, b.time_s);
         let off = a.position_m - b.position_m;
-        // Half the last digit of distance, coordinates (1e-6 m) and each angle (1e-6°): what the
-        // file's own rounding leaves.
+        // Half the last digit of distance, coordinates (1e-6 m) and each angle (1e-6°): the rounding in
+        // the file.
         let range = a.position_m.norm();
         let rounding = 0.5e-6 + 0.5e-6 + range * 0.5e-6_f64.to_radians() * 2.0_f64.sqrt();
         assert!(off.abs().max() <= rounding, "{off} at {range} m");
@@ -292,7 +292,7 @@ fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
     let rms = (squares / 1513.0).sqrt();
     println!("polar against Cartesian: rms {rms:.2e} m, largest coordinate {largest:.2e} m");
     assert!(rms < 1e-6, "{rms}");
-    // Neither side of the other's zero: a mirrored or turned reading would be tens of metres off.
+    // Without a choice, and with the wrong kind of vertical angle, the log is refused.
     let error = read_positions(&path, &Observations::AsFound).unwrap_err();
     assert!(
         error.to_string().contains("observations = \"cartesian\""),
@@ -307,9 +307,9 @@ fn a_real_total_station_log_reads_alike_as_polar_and_as_cartesian() {
         "{error}"
     );
 
-    let found = inspect(&path).unwrap();
-    assert_eq!((found.format.id(), found.count), ("tps-csv", 1522));
-    let text = found.to_string();
+    let report = inspect(&path).unwrap();
+    assert_eq!((report.format.id(), report.count), ("tps-csv", 1522));
+    let text = report.to_string();
     for expected in [
         "9 rows without a range",
         "observations = \"cartesian\" or",

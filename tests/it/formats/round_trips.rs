@@ -1,4 +1,4 @@
-//! What is written here comes back.
+//! Written files are read back exactly, or within the rounding of their format.
 
 use boresight::format::*;
 use boresight::geometry::{Rotation, Vec3, WorldFromBody};
@@ -7,7 +7,7 @@ use boresight::sensor::*;
 use crate::common::samples::*;
 
 #[test]
-fn logs_return_bit_by_bit() {
+fn logs_are_read_back_bit_for_bit() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.csv");
     let imu: Vec<_> = (0..500)
@@ -44,7 +44,7 @@ fn logs_return_bit_by_bit() {
             .collect();
         write_heading(&path, &heading).unwrap();
         for (a, b) in read_heading(&path).unwrap().iter().zip(&heading) {
-            // Degrees and back round twice.
+            // Converted to degrees and back: two roundings.
             assert!((a.heading_rad - b.heading_rad).abs() < 2e-15);
             assert_eq!(a.sigma_rad.is_some(), b.sigma_rad.is_some());
             assert_eq!(a.time_s, b.time_s);
@@ -74,7 +74,7 @@ fn some_poses(full: impl Fn(usize) -> bool) -> Vec<PoseRecord> {
 }
 
 #[test]
-fn trajectories_return_bit_by_bit_with_all_they_carry() {
+fn trajectories_are_read_back_bit_for_bit_with_all_columns() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("trajectory.csv");
     for poses in [
@@ -88,7 +88,7 @@ fn trajectories_return_bit_by_bit_with_all_they_carry() {
 }
 
 #[test]
-fn trajectories_of_bonn_and_tum_are_told_apart_by_their_width() {
+fn trajectories_of_bonn_and_tum_are_distinguished_by_their_number_of_columns() {
     let dir = tempfile::tempdir().unwrap();
     let trj = dir.path().join("a.trj");
     std::fs::write(
@@ -125,7 +125,7 @@ fn trajectories_of_bonn_and_tum_are_told_apart_by_their_width() {
 }
 
 #[test]
-fn logs_with_holes_in_them_are_errors_that_name_the_line() {
+fn errors_of_incomplete_logs_name_the_line() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("prism.csv");
     let header = "time_s,east_m,north_m,up_m,sigma_m\n";
@@ -161,7 +161,7 @@ fn logs_with_holes_in_them_are_errors_that_name_the_line() {
 }
 
 #[test]
-fn recordings_return_within_half_a_step() {
+fn recordings_are_read_back_within_half_a_step() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("left.bin");
     let written = write_recording(&path, 3000);
@@ -174,11 +174,14 @@ fn recordings_return_within_half_a_step() {
     }
     // Profiles here are at most 2.3 m wide: steps of 2.3 m / 65534 = 35 µm.
     assert!(worst < 17.6e-6, "{worst}");
-    assert!(worst > 1e-6, "the file holds 16 bits a coordinate, {worst}");
+    assert!(
+        worst > 1e-6,
+        "the file stores 16 bits per coordinate, {worst}"
+    );
 }
 
 #[test]
-fn profiles_as_text_return_bit_by_bit_in_chunks() {
+fn profiles_as_text_are_read_back_bit_for_bit_in_chunks() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("left.csv");
     let points: Vec<_> = (0..250_000)
@@ -199,7 +202,7 @@ fn profiles_as_text_return_bit_by_bit_in_chunks() {
 }
 
 #[test]
-fn written_clouds_keep_the_hundredth_of_a_millimetre() {
+fn written_clouds_are_exact_to_a_hundredth_of_a_millimetre() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["cloud.las", "cloud.laz"] {
         let path = dir.path().join(name);
@@ -210,7 +213,7 @@ fn written_clouds_keep_the_hundredth_of_a_millimetre() {
             std::fs::read(&path).unwrap(),
             std::fs::read(&again).unwrap()
         );
-        // Parts read side by side are the file read from front to back.
+        // Parts read in parallel give the same points as the file read in order.
         let cloud = read_cloud(&path).unwrap();
         assert_eq!(cloud.points.len(), written.len());
         let streamed = all_points(&path).unwrap();

@@ -1,4 +1,4 @@
-//! What each return code makes of a measurement, over an instrument that says what it is told.
+//! The class of a measurement for each return code, with scripted replies.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
@@ -8,7 +8,7 @@ use boresight::record::geocom::{
     Class, Event, Instrument, Link, Measurement, Procedure, Request, TrackingSettings,
 };
 
-/// Gives the next of some replies to each measurement, and is content with anything else.
+/// Answers each measurement with the next of some replies, and accepts all other requests.
 struct Scripted {
     replies: VecDeque<&'static str>,
     unread: VecDeque<u8>,
@@ -60,15 +60,15 @@ fn measure(replies: &[&'static str]) -> Vec<Measurement<()>> {
     };
     let mut instrument = Instrument::connect(link, "script", settings, || ()).unwrap();
     instrument.start().unwrap();
-    let mut found = vec![];
+    let mut measurements = vec![];
     while let Ok(Event::Measured(measurement)) = instrument.next_event() {
-        found.push(measurement);
+        measurements.push(measurement);
     }
-    found
+    measurements
 }
 
 #[test]
-fn codes_decide() {
+fn the_return_code_decides_the_class_of_a_measurement() {
     let with = [
         ("0,1,1.5,0,0,0,0,20,1000", Class::Full, true),
         ("1283,1,1.5,0,0,0,0,20,2000", Class::NoFullCorrection, true),
@@ -80,7 +80,7 @@ fn codes_decide() {
         ("1285,1,1.5,0,0,0,0,20,4000", Class::AnglesOnly, false),
         ("1288,1,1.5,0,0,0,0,0,0", Class::AnglesOnly, false),
         ("1289,1,1.5,0,0,0,0,0,0", Class::AnglesOnly, false),
-        // No distance is not a distance of zero.
+        // A distance of zero stands for none.
         ("0,1,1.5,0,0,0,0,0,0", Class::AnglesOnly, false),
     ];
     let without = [
@@ -93,21 +93,21 @@ fn codes_decide() {
     ];
     let all: Vec<_> = with.iter().chain(&without).collect();
     let replies: Vec<_> = all.iter().map(|(reply, ..)| *reply).collect();
-    let found = measure(&replies);
-    assert_eq!(found.len(), all.len());
-    for (i, (found, (reply, class, has_distance))) in found.iter().zip(all).enumerate() {
-        assert_eq!(found.class, *class, "{reply}");
-        assert_eq!(found.distance_m.is_some(), *has_distance, "{reply}");
-        assert_eq!(found.instrument_time_s.is_some(), *has_distance, "{reply}");
-        assert_eq!(found.angles.is_some(), i < with.len(), "{reply}");
+    let measurements = measure(&replies);
+    assert_eq!(measurements.len(), all.len());
+    for (i, (m, (reply, class, has_distance))) in measurements.iter().zip(all).enumerate() {
+        assert_eq!(m.class, *class, "{reply}");
+        assert_eq!(m.distance_m.is_some(), *has_distance, "{reply}");
+        assert_eq!(m.instrument_time_s.is_some(), *has_distance, "{reply}");
+        assert_eq!(m.angles.is_some(), i < with.len(), "{reply}");
     }
-    assert_eq!(found[2].distance_m, Some(20.0));
-    assert_eq!(found[2].instrument_time_s, Some(3.0));
+    assert_eq!(measurements[2].distance_m, Some(20.0));
+    assert_eq!(measurements[2].instrument_time_s, Some(3.0));
 }
 
 #[test]
-fn replies_with_other_values_than_expected_are_asked_again() {
-    let found = measure(&[
+fn a_request_is_repeated_if_the_reply_has_unexpected_values() {
+    let measurements = measure(&[
         "0,1,1.5",
         "0,7,1.5,0,0,0,0,20,1000",
         "0,nan,1.5,0,0,0,0,20,1000",
@@ -115,6 +115,6 @@ fn replies_with_other_values_than_expected_are_asked_again() {
         "0",
         "0,1,1.5,0,0,0,0,20,1000",
     ]);
-    assert_eq!(found.len(), 1);
-    assert_eq!(found[0].distance_m, Some(20.0));
+    assert_eq!(measurements.len(), 1);
+    assert_eq!(measurements[0].distance_m, Some(20.0));
 }

@@ -1,4 +1,4 @@
-//! Requests, replies and codes against lines and tables of geocompy 1.0.0, and random bytes.
+//! Requests, replies and codes compared with lines and tables of geocompy 1.0.0, and random bytes.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ fn procedures_are_those_of_geocompy() {
 }
 
 #[test]
-fn requests_of_geocompy_are_read_and_written_alike() {
+fn requests_of_geocompy_are_read_and_written_the_same() {
     let lines = include_str!("data/requests.txt")
         .lines()
         .filter(|line| !line.starts_with('#'));
@@ -66,8 +66,8 @@ fn requests_of_geocompy_are_read_and_written_alike() {
             &values,
             request.has_checksum,
         );
-        // geocompy writes bytes with capital digits, the manual with small ones; the checksums of
-        // that line differ then.
+        // geocompy writes bytes with upper-case digits, the manual with lower-case ones, so that the
+        // checksums of that line differ.
         if values.iter().any(|value| matches!(value, Value::Byte(_))) {
             assert_eq!(values[1..], [Value::Byte(0x0b), Value::Byte(0x2f)]);
         } else {
@@ -102,7 +102,7 @@ fn replies_of_the_manual_are_read() {
 }
 
 #[test]
-fn checksum_is_crc_16_arc() {
+fn the_checksum_is_crc_16_arc() {
     // The check value of the catalogue of CRCs.
     assert_eq!(checksum(b"123456789"), 0xbb3d);
     let line = Reply::line(
@@ -118,7 +118,7 @@ fn checksum_is_crc_16_arc() {
 }
 
 #[test]
-fn what_is_no_message_is_refused() {
+fn malformed_messages_are_refused() {
     for line in [
         &b""[..],
         b"%R1P",
@@ -195,7 +195,7 @@ fn random_bytes_do_not_panic() {
     }
 }
 
-/// An instrument gone mad: answers whatever it likes, without end or not at all.
+/// An instrument gone mad: it answers with random or endless bytes, or not at all.
 struct Mad {
     noise: Noise,
     kind: u64,
@@ -209,7 +209,7 @@ impl Read for Mad {
             0 => self.noise.bytes(to.len().min(300)),
             1 => vec![b'%'; to.len()],
             2 => format!("%R1P,0,{}:0,1\r\n", self.noise.number() % 70_000).into_bytes(),
-            // Values at random for the transaction that was asked.
+            // Random values for the requested transaction.
             3 if !self.last.is_empty() => {
                 let request = std::mem::take(&mut self.last);
                 let text = String::from_utf8_lossy(&request).into_owned();
@@ -249,7 +249,7 @@ impl Link for Mad {
 }
 
 #[test]
-fn no_request_hangs_whatever_comes() {
+fn no_request_hangs_whatever_the_instrument_sends() {
     let timeout = Duration::from_millis(30);
     for kind in 0..5 {
         for seed in 1..4 {
@@ -269,8 +269,9 @@ fn no_request_hangs_whatever_comes() {
             if let Ok(mut instrument) = Instrument::connect(link, "mad", settings, || ()) {
                 let _ = instrument.start();
                 for _ in 0..20 {
-                    if let Ok(Event::Measured(found)) = instrument.next_event() {
-                        assert!(found.distance_m.is_none_or(|distance_m| distance_m > 0.0));
+                    if let Ok(Event::Measured(measurement)) = instrument.next_event() {
+                        let distance_m = measurement.distance_m;
+                        assert!(distance_m.is_none_or(|distance_m| distance_m > 0.0));
                     }
                 }
                 let _ = instrument.stop();

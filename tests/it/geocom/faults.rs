@@ -1,4 +1,4 @@
-//! Every fault ends in measurements that go on, with everything counted and nothing invented.
+//! After every fault the measurements continue; events are counted, and no value is invented.
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -14,9 +14,9 @@ fn run(seconds: f64, faults: Vec<Fault>) -> Run {
 }
 
 #[test]
-fn lost_lock_is_found_again() {
+fn a_lost_prism_is_locked_again() {
     let run = run(6.0, vec![Fault::between(FaultKind::LostLock, 1.5, 3.5)]);
-    assert_eq!((run.lost, run.found, run.counters.losses), (1, 1, 1));
+    assert_eq!((run.lost, run.relocked, run.counters.losses), (1, 1, 1));
     assert!(run.angles_only() > 20);
     assert!(
         run.distances_after(4.3) >= 8,
@@ -27,7 +27,7 @@ fn lost_lock_is_found_again() {
 }
 
 #[test]
-fn busy_instrument_is_asked_again() {
+fn a_busy_instrument_is_asked_again() {
     let busy = Fault::between(FaultKind::Busy, 0.0, 4.0).every(4);
     let all = Fault::between(FaultKind::Busy, 1.5, 2.2);
     let run = run(4.0, vec![busy, all]);
@@ -40,7 +40,7 @@ fn busy_instrument_is_asked_again() {
 }
 
 #[test]
-fn wrong_checksums_are_asked_again() {
+fn a_request_is_repeated_after_a_wrong_checksum() {
     for checksum in [false, true] {
         let fault = Fault::between(FaultKind::WrongChecksum, 0.0, 9.0).every(7);
         let damaged = Fault::between(FaultKind::DamagedRequest, 1.0, 9.0).every(11);
@@ -56,14 +56,14 @@ fn wrong_checksums_are_asked_again() {
         );
         assert!(run.counters.wrong_checksums > 20, "{:?}", run.counters);
         assert!(run.counters.damaged_requests > 5, "{:?}", run.counters);
-        // Each damaged reply may have had a distance.
+        // Each damaged reply may have contained a distance.
         assert!(run.distances() >= 10);
         assert!(run.notes.is_empty());
     }
 }
 
 #[test]
-fn slow_answers_are_not_taken_for_later_ones() {
+fn late_replies_are_not_taken_for_later_ones() {
     // Slower than the time-out of 0.4 s, then slow but in time.
     let late = Fault::between(FaultKind::Slow(Duration::from_millis(550)), 1.0, 5.0).every(10);
     let slow = Fault::between(FaultKind::Slow(Duration::from_millis(100)), 2.0, 2.5);
@@ -78,21 +78,21 @@ fn slow_answers_are_not_taken_for_later_ones() {
 }
 
 #[test]
-fn missing_replies_are_asked_again() {
+fn a_request_is_repeated_after_a_missing_reply() {
     let run = run(
         5.0,
         vec![Fault::between(FaultKind::Silent, 1.0, 5.0).every(20)],
     );
     assert!(run.counters.timeouts >= 3, "{:?}", run.counters);
     assert!(run.distances() >= 10);
-    assert_eq!(run.broken, 0);
+    assert_eq!(run.broken_links, 0);
 }
 
 #[test]
-fn silent_instrument_is_an_error_and_is_used_again_later() {
+fn a_silent_instrument_is_an_error_and_is_used_again_later() {
     let run = run(5.0, vec![Fault::between(FaultKind::Silent, 1.0, 2.8)]);
     assert!(
-        run.broken >= 1 && run.counters.timeouts >= 3,
+        run.broken_links >= 1 && run.counters.timeouts >= 3,
         "{:?}",
         run.counters
     );
@@ -104,19 +104,19 @@ fn silent_instrument_is_an_error_and_is_used_again_later() {
 }
 
 #[test]
-fn garbage_is_counted() {
+fn garbage_is_counted_and_skipped() {
     let garbage = Fault::between(FaultKind::Garbage, 0.0, 5.0).every(5);
     let run = run(5.0, vec![garbage]);
     assert!(run.counters.garbled > 10, "{:?}", run.counters);
     assert!(run.counters.noise_bytes > 10, "{:?}", run.counters);
     assert!(run.distances() >= 10);
-    assert_eq!(run.broken, 0);
+    assert_eq!(run.broken_links, 0);
 }
 
 #[test]
-fn pulled_cable_is_an_error_that_names_the_port() {
+fn a_pulled_cable_is_an_error_that_names_the_port() {
     let run = run(6.0, vec![Fault::between(FaultKind::CableOut, 1.5, 3.0)]);
-    assert!(run.broken >= 1);
+    assert!(run.broken_links >= 1);
     assert!(run.counters.reconnects >= 1);
     assert!(
         run.distances_after(3.8) >= 10,
@@ -127,7 +127,7 @@ fn pulled_cable_is_an_error_that_names_the_port() {
 }
 
 #[test]
-fn unknown_procedures_are_replaced_and_it_is_said() {
+fn unknown_procedures_are_replaced_with_a_note() {
     let mut unknown = vec![];
     for (procedure, ways) in [
         (Procedure::GetFullMeas, 1),
@@ -147,18 +147,15 @@ fn unknown_procedures_are_replaced_and_it_is_said() {
             "{:?}",
             run.notes
         );
-        let has_position = run
-            .measurements
-            .iter()
-            .any(|found| found.position_m.is_some());
+        let has_position = run.measurements.iter().any(|m| m.position_m.is_some());
         assert_eq!(has_position, ways == 3, "{ways}");
         assert_eq!(run.distances() > 4, ways < 3, "{ways}");
-        assert!(run.measurements.iter().all(|found| found.angles.is_some()));
+        assert!(run.measurements.iter().all(|m| m.angles.is_some()));
     }
 }
 
 #[test]
-fn instrument_without_lock_or_prism_types_is_used_without() {
+fn an_instrument_without_lock_and_prism_types_can_be_used() {
     use Procedure::{GetLockState, GetPrismType, LockIn, SetLockState};
     let unknown = vec![GetLockState, SetLockState, LockIn, GetPrismType];
     let simulated = SimulatedSettings {
@@ -175,7 +172,7 @@ fn instrument_without_lock_or_prism_types_is_used_without() {
 }
 
 #[test]
-fn instrument_without_checksums_is_used_without() {
+fn an_instrument_without_checksums_can_be_used() {
     let simulated = SimulatedSettings {
         has_checksums: false,
         ..Default::default()
@@ -190,7 +187,7 @@ fn instrument_without_checksums_is_used_without() {
 }
 
 #[test]
-fn distances_that_come_twice_count_once() {
+fn repeated_distances_count_once() {
     let simulated = SimulatedSettings {
         repeats_distances: true,
         ..Default::default()
@@ -208,8 +205,9 @@ fn distances_that_come_twice_count_once() {
     assert_eq!(times.len(), all);
 }
 
-/// Tracking does not start with an instrument that does not know `procedure`, says why, and leaves its modes.
-fn does_not_start(procedure: Procedure, why: &[&str]) {
+/// Asserts that tracking does not start with an instrument that lacks `procedure`, with an error that contains `why`,
+/// and that its modes are unchanged.
+fn assert_does_not_start(procedure: Procedure, why: &[&str]) {
     let simulated = SimulatedSettings {
         unknown: vec![procedure],
         ..Default::default()
@@ -227,22 +225,22 @@ fn does_not_start(procedure: Procedure, why: &[&str]) {
 }
 
 #[test]
-fn refused_setting_is_an_error_and_leaves_the_modes() {
+fn a_refused_setting_is_an_error_and_leaves_the_modes() {
     let why = [
         "port: AUS_SetUserLockState (18007)",
         "3081 COM_PROC_UNAVAIL",
     ];
-    does_not_start(Procedure::SetLockState, &why);
+    assert_does_not_start(Procedure::SetLockState, &why);
 }
 
 #[test]
-fn mode_that_cannot_be_written_back_is_not_changed() {
+fn a_mode_that_cannot_be_restored_is_not_changed() {
     let why = ["BAP_GetPrismType (17009): found no value"];
-    does_not_start(Procedure::GetPrismType, &why);
+    assert_does_not_start(Procedure::GetPrismType, &why);
 }
 
 #[test]
-fn tracking_goes_on_after_someone_stopped_it_at_the_instrument() {
+fn tracking_continues_after_someone_stopped_it_at_the_instrument() {
     let simulated = Simulated::new(Default::default(), instrument::target);
     let server = TcpInstrument::listen("127.0.0.1:0", simulated).unwrap();
     let link = TcpStream::connect(server.address()).unwrap();
@@ -254,7 +252,7 @@ fn tracking_goes_on_after_someone_stopped_it_at_the_instrument() {
     let mut distances = 0;
     while begin.elapsed() < Duration::from_secs(3) {
         match instrument.next_event().unwrap() {
-            Event::Measured(found) => distances += u64::from(found.distance_m.is_some()),
+            Event::Measured(m) => distances += u64::from(m.distance_m.is_some()),
             event => events.push(event),
         }
     }
@@ -266,14 +264,14 @@ fn tracking_goes_on_after_someone_stopped_it_at_the_instrument() {
 }
 
 #[test]
-fn prism_that_is_not_there_at_the_start_is_found_later() {
+fn a_prism_that_is_hidden_at_the_start_is_found_later() {
     let run = run(4.0, vec![Fault::between(FaultKind::LostLock, 0.0, 1.5)]);
-    assert_eq!((run.lost, run.found), (1, 1));
+    assert_eq!((run.lost, run.relocked), (1, 1));
     assert!(run.distances() > 8);
 }
 
 #[test]
-fn prism_outside_of_the_window_is_found_by_power_search_only() {
+fn a_prism_outside_the_search_window_is_found_only_by_power_search() {
     for power_search in [false, true] {
         let settings = TrackingSettings {
             search_rad: [0.0, 0.0],
@@ -282,7 +280,7 @@ fn prism_outside_of_the_window_is_found_by_power_search_only() {
         };
         let hidden = vec![Fault::between(FaultKind::LostLock, 1.0, 3.0)];
         let run = track(4.5, hidden, SimulatedSettings::default(), settings);
-        assert_eq!((run.lost, run.found), (1, usize::from(power_search)));
+        assert_eq!((run.lost, run.relocked), (1, usize::from(power_search)));
     }
 }
 
@@ -309,7 +307,7 @@ fn another_instrument_is_not_taken_for_the_first() {
 }
 
 #[test]
-fn all_faults_at_once() {
+fn measurements_continue_after_all_faults_at_once() {
     let at = |kind, from_s, to_s| Fault::between(kind, from_s, to_s);
     let run = run(
         9.0,
@@ -327,5 +325,5 @@ fn all_faults_at_once() {
         "{}",
         run.distances_after(6.5)
     );
-    assert!(run.counters.losses >= 1 && run.broken >= 1);
+    assert!(run.counters.losses >= 1 && run.broken_links >= 1);
 }

@@ -1,4 +1,4 @@
-//! The PyPI package geocompy against the simulated instrument and our client.
+//! The simulated instrument and our client, tested against the PyPI package geocompy.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,6 +1,6 @@
 """Checks the simulated instrument and our client against geocompy (PyPI, 1.0.0).
 
-    python geocompy_check.py SIMULATED TRACK      live checks; prints what agreed, exits 1 if not
+    python geocompy_check.py SIMULATED TRACK      live checks; prints a summary, exits with 1 at a difference
     python geocompy_check.py --fixtures FOLDER    writes the lines that geocompy sends
 """
 import os, pty, re, socket, subprocess, sys, threading, time, tty, types, math
@@ -23,7 +23,7 @@ def check(what, found, expected=True):
 
 
 class Canned(Connection):
-    """A connection that keeps what is sent and answers with one given line."""
+    """A connection that stores the lines sent and answers with one given line."""
     def __init__(self, answer=None):
         self.sent, self.answer = [], answer
     def exchange(self, cmd):
@@ -51,7 +51,7 @@ def value(text):
     return float(text) if "." in text else int(text)
 
 
-# The same request by geocompy, from the fields of ours.
+# The call of geocompy that sends the same request, from its parameters.
 SAME = {
     0: lambda t, p: t.com.nullprocess(),
     107: lambda t, p: t.com.set_double_precision(*p),
@@ -101,7 +101,7 @@ def fixtures(folder):
 
 
 def session(tps):
-    """geocompy works with the simulated instrument."""
+    """Checks that geocompy works with the simulated instrument; returns the number of distances."""
     ok = GeoComCode.OK
     check("name", tps.csv.get_instrument_name().params, "SIMULATED TS16")
     check("number", tps.csv.get_serial_number().params, 3201407)
@@ -167,12 +167,12 @@ def over_tcp(program):
                 seen.append((cmd, answer))
                 return answer
             conn.exchange = keep
-            found = session(geo.GeoCom(conn, checksum=checksum))
+            distances = session(geo.GeoCom(conn, checksum=checksum))
             with_sum = sum(a.split(":")[0].count(",") == 3 for _, a in seen)
             if checksum:
                 check("checksums in replies", with_sum >= len(seen) - 1)
             print(f"tcp, checksum={checksum}: {len(seen)} exchanges, {with_sum} replies with "
-                  f"checksum, {found} full measurements")
+                  f"checksum, {distances} full measurements")
         process.stdin.close()
         process.wait(5)
 
@@ -182,8 +182,8 @@ def over_pty(program):
     tty.setraw(slave)
     process = subprocess.Popen([program, "stdio"], stdin=master, stdout=master)
     with open_serial(os.ttyname(slave), speed=115200, timeout=5) as conn:
-        found = session(geo.GeoCom(conn, checksum=True))
-    print(f"pty and pyserial, checksum=True: {found} full measurements")
+        distances = session(geo.GeoCom(conn, checksum=True))
+    print(f"pty and pyserial, checksum=True: {distances} full measurements")
     process.terminate()
     process.wait(5)
 
@@ -209,7 +209,7 @@ def pump(source, sink, log):
 
 
 def client(program, track):
-    """Our client speaks with the simulated instrument; geocompy reads both sides of it."""
+    """Our client talks to the simulated instrument; geocompy reads both sides of the exchange."""
     for checksum in (False, True):
         process, host, port = simulated(program)
         listener = socket.create_server(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-//! Messages and profiles: written and read back.
+//! Messages and profiles are read back as they were written.
 
 use super::common::{frame, read, settings, stream};
 use boresight::format::gocator_stream::data_set;
@@ -36,7 +36,7 @@ fn attributes(width: u32) -> Attributes {
 
 type Pair = Option<(i32, i32)>;
 
-/// Each length that the attributes of a firmware can have.
+/// The optional attributes, of which firmware versions send different numbers, and unknown bytes after them.
 fn lengths() -> [(Pair, Pair, Vec<u8>); 4] {
     [
         (None, None, vec![]),
@@ -47,7 +47,7 @@ fn lengths() -> [(Pair, Pair, Vec<u8>); 4] {
 }
 
 #[test]
-fn bytes_are_those_of_the_manual() {
+fn messages_have_the_bytes_of_the_manual() {
     let mut encoder = Encoder::default();
     encoder.stamps(0, &[stamp(1)], false);
     let bytes = encoder.take();
@@ -84,14 +84,14 @@ fn bytes_are_those_of_the_manual() {
 }
 
 #[test]
-fn stamps_come_back() {
+fn stamps_are_read_back() {
     for ptp_time_us in [None, Some(1_700_000_000_000_000)] {
         for unknown in [vec![], vec![1, 2, 3]] {
             let stamps = [1, 2, 3].map(|frame| Stamp {
                 ptp_time_us,
                 ..stamp(frame)
             });
-            // Without a time of PTP, what is unknown would stand where it belongs.
+            // Without a PTP time, unknown bytes would stand in its place.
             if ptp_time_us.is_none() && !unknown.is_empty() {
                 continue;
             }
@@ -108,7 +108,7 @@ fn stamps_come_back() {
 }
 
 #[test]
-fn samples_come_back() {
+fn samples_are_read_back() {
     for (stream_step, arrayed, unknown) in lengths() {
         let attributes = Attributes {
             stream_step,
@@ -129,7 +129,7 @@ fn samples_come_back() {
         let second: Vec<_> = read.points_m(1).collect();
         let expected = [None, Some([x_m(-32_767), z_m]), Some([x_m(1000), z_m])];
         assert_eq!(second, expected);
-        assert_eq!(read.points_m(2).count(), 0, "there are two");
+        assert_eq!(read.points_m(2).count(), 0, "there are only two");
 
         encoder.uniform_profile(&attributes, &raw, true);
         let bytes = encoder.take();
@@ -165,7 +165,7 @@ fn samples_come_back() {
 }
 
 #[test]
-fn profiles_come_back() {
+fn profiles_are_read_back() {
     for is_uniform in [false, true] {
         for has_intensity in [false, true] {
             let settings = settings(100, is_uniform);
@@ -196,7 +196,7 @@ fn profiles_come_back() {
 }
 
 #[test]
-fn one_message_holds_several_frames() {
+fn one_message_can_hold_several_frames() {
     let settings = settings(20, false);
     let frames = [0, 1, 2].map(|index| frame(index, 20, true));
     let mut encoder = Encoder::default();
@@ -216,7 +216,7 @@ fn one_message_holds_several_frames() {
 }
 
 #[test]
-fn messages_in_any_order_and_of_other_types() {
+fn messages_can_come_in_any_order_and_with_other_types_between() {
     let attributes = Attributes {
         count: 1,
         ..attributes(2)
@@ -243,7 +243,7 @@ fn messages_in_any_order_and_of_other_types() {
 }
 
 #[test]
-fn intensity_of_another_profile_is_not_taken() {
+fn a_profile_does_not_get_the_intensity_of_another() {
     let top = Attributes {
         count: 1,
         source: 0,
@@ -261,7 +261,7 @@ fn intensity_of_another_profile_is_not_taken() {
 }
 
 #[test]
-fn a_profile_comes_when_the_next_message_begins() {
+fn a_profile_is_complete_when_the_next_message_begins() {
     let (bytes, ends) = stream(2, &settings(10, false), false);
     let mut reader = ProfileReader::new();
     let mut count = 0;
@@ -275,8 +275,8 @@ fn a_profile_comes_when_the_next_message_begins() {
 }
 
 #[test]
-fn time_is_in_ticks() {
-    // 100 Hz is 10240 ticks, says LMI's knowledge base.
+fn time_is_counted_in_ticks() {
+    // At 100 Hz, frames are 10240 ticks apart (LMI's knowledge base).
     assert_eq!(Stamp::ticks(10_000.0), 10_240);
     let stamp = Stamp {
         time_ticks: 10_240,

@@ -17,7 +17,7 @@ pub fn settings(width: u32, is_uniform: bool) -> ScannerSettings {
     }
 }
 
-/// A frame at 100 Hz, of which every seventh point is invalid.
+/// A frame at 100 Hz with every seventh point invalid.
 pub fn frame(index: u64, width: u32, has_intensity: bool) -> ScannerFrame {
     let points_m = (0..width)
         .map(|point| {
@@ -35,7 +35,7 @@ pub fn frame(index: u64, width: u32, has_intensity: bool) -> ScannerFrame {
     }
 }
 
-/// Data sets of one frame each, and where each of them ends.
+/// Data sets of one frame each, and the position at which each of them ends.
 pub fn stream(
     frames: u64,
     settings: &ScannerSettings,

@@ -1,4 +1,4 @@
-//! Streams that are cut, altered, or not of a scanner at all.
+//! Streams that are cut off or altered, and streams that do not come from a scanner.
 
 use super::common::{frame, read, settings, stream};
 use boresight::format::gocator_stream::data_set;
@@ -6,7 +6,7 @@ use boresight::format::gocator_stream::{
     Encoder, LARGEST_MESSAGE, Piece, Profile, ProfileReader, Splitter,
 };
 
-/// What makes a profile, without where it was.
+/// A profile without its position in the stream.
 fn content(profile: &Profile) -> Profile {
     Profile {
         bytes: 0..0,
@@ -14,16 +14,16 @@ fn content(profile: &Profile) -> Profile {
     }
 }
 
-/// All of the profiles except these are among those that were read, unaltered and in order.
-fn assert_others_kept(all: &[Profile], kept: &[Profile], except: &[usize], what: &str) {
-    let mut rest = kept.iter().map(content);
+/// Asserts that all profiles except these were read, unaltered and in order.
+fn assert_others_read(all: &[Profile], read_profiles: &[Profile], except: &[usize], what: &str) {
+    let mut rest = read_profiles.iter().map(content);
     for (index, profile) in all.iter().enumerate() {
-        let is_there = except.contains(&index) || rest.any(|it| it == content(profile));
-        assert!(is_there, "{what}: profile {index} of {}", all.len());
+        let is_read = except.contains(&index) || rest.any(|it| it == content(profile));
+        assert!(is_read, "{what}: profile {index} of {}", all.len());
     }
 }
 
-/// A generator of numbers that need not be good.
+/// A simple generator of pseudo-random numbers.
 fn noise(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed;
     move || {
@@ -35,7 +35,7 @@ fn noise(seed: u64) -> impl FnMut() -> u64 {
 }
 
 #[test]
-fn pieces_make_no_difference() {
+fn profiles_do_not_depend_on_the_pieces_in_which_bytes_arrive() {
     let (bytes, _) = stream(4, &settings(9, false), true);
     let (all, counts) = read(&bytes, bytes.len());
     assert_eq!(all.len(), 4);
@@ -52,16 +52,16 @@ fn pieces_make_no_difference() {
 }
 
 #[test]
-fn truncation_keeps_what_was_whole() {
+fn complete_profiles_of_a_truncated_stream_are_read() {
     let (bytes, ends) = stream(4, &settings(9, false), true);
     let (all, _) = read(&bytes, 4096);
     for length in 0..=bytes.len() {
-        let (kept, counts) = read(&bytes[..length], 4096);
+        let (read_profiles, counts) = read(&bytes[..length], 4096);
         let whole = ends.iter().filter(|&&end| end <= length).count();
-        assert_eq!(kept[..whole], all[..whole], "{length}");
-        // Of a set that ends early, a profile may be left without its intensity.
-        assert!(kept.len() <= whole + 1);
-        if let Some(cut) = kept.get(whole) {
+        assert_eq!(read_profiles[..whole], all[..whole], "{length}");
+        // A data set that ends early may leave a profile without its intensity.
+        assert!(read_profiles.len() <= whole + 1);
+        if let Some(cut) = read_profiles.get(whole) {
             assert_eq!((&cut.x_m, &cut.intensity), (&all[whole].x_m, &None));
         }
         assert_eq!(counts.bytes, length as u64);
@@ -69,45 +69,47 @@ fn truncation_keeps_what_was_whole() {
 }
 
 #[test]
-fn no_flipped_byte_costs_another_profile() {
+fn a_changed_byte_affects_only_its_own_profile() {
     for is_uniform in [false, true] {
         let (bytes, ends) = stream(5, &settings(9, is_uniform), true);
         let (all, _) = read(&bytes, 4096);
         for at in 0..bytes.len() {
             let hit = ends.iter().filter(|&&end| end <= at).count();
-            for value in 0..=255u8 {
+            // Every bit, and the values at the ends.
+            let flipped = (0..8).map(|bit| bytes[at] ^ (1 << bit));
+            for value in flipped.chain([0, 0x7f, 0x80, 0xff]) {
                 let mut damaged = bytes.clone();
                 if damaged[at] == value {
                     continue;
                 }
                 damaged[at] = value;
-                let (kept, _) = read(&damaged, 4096);
-                assert_others_kept(&all, &kept, &[hit], &format!("{at} = {value}"));
-                assert!(kept.len() <= all.len(), "{at} = {value}");
+                let (read_profiles, _) = read(&damaged, 4096);
+                assert_others_read(&all, &read_profiles, &[hit], &format!("{at} = {value}"));
+                assert!(read_profiles.len() <= all.len(), "{at} = {value}");
             }
         }
     }
 }
 
 #[test]
-fn missing_and_doubled_bytes_cost_one_profile() {
+fn a_missing_or_repeated_byte_affects_only_one_profile() {
     let (bytes, ends) = stream(5, &settings(9, false), true);
     let (all, _) = read(&bytes, 4096);
     for at in 0..bytes.len() {
         let hit = ends.iter().filter(|&&end| end <= at).count();
         let mut shorter = bytes.clone();
         shorter.remove(at);
-        let (kept, _) = read(&shorter, 4096);
-        assert_others_kept(&all, &kept, &[hit], &format!("without {at}"));
+        let (read_profiles, _) = read(&shorter, 4096);
+        assert_others_read(&all, &read_profiles, &[hit], &format!("without {at}"));
         let mut longer = bytes.clone();
         longer.insert(at, bytes[at]);
-        let (kept, _) = read(&longer, 4096);
-        assert_others_kept(&all, &kept, &[hit], &format!("doubled {at}"));
+        let (read_profiles, _) = read(&longer, 4096);
+        assert_others_read(&all, &read_profiles, &[hit], &format!("{at} repeated"));
     }
 }
 
 #[test]
-fn garbage_between_data_sets_costs_nothing() {
+fn garbage_between_data_sets_affects_no_profile() {
     let settings = settings(50, false);
     let (bytes, ends) = stream(20, &settings, true);
     let (all, _) = read(&bytes, 4096);
@@ -118,7 +120,7 @@ fn garbage_between_data_sets_costs_nothing() {
             mixed.extend(&bytes[start..end]);
             start = end;
             if seed % 5 == 0 {
-                // Zeros say that a message has no bytes.
+                // Zeros claim messages without bytes.
                 mixed.extend([0; 33]);
                 added += 33;
             } else {
@@ -127,48 +129,51 @@ fn garbage_between_data_sets_costs_nothing() {
                 added += length;
             }
         }
-        let (kept, counts) = read(&mixed, 777);
-        assert_others_kept(&all, &kept, &[], &format!("seed {seed}"));
-        assert_eq!(kept.len(), all.len());
+        let (read_profiles, counts) = read(&mixed, 777);
+        assert_others_read(&all, &read_profiles, &[], &format!("seed {seed}"));
+        assert_eq!(read_profiles.len(), all.len());
         assert_eq!(counts.skipped_bytes, added, "seed {seed}");
     }
 }
 
 #[test]
-fn link_that_was_cut_costs_what_was_cut() {
+fn a_cut_link_affects_only_the_profile_that_was_cut() {
     let (bytes, ends) = stream(6, &settings(40, false), true);
     let (all, _) = read(&bytes, 4096);
-    // The link ends at any byte of the third data set and sends from the fourth on later.
+    // The link ends at any byte of the third data set and later continues with the fourth.
     for cut in ends[1]..ends[2] {
         let joined = [&bytes[..cut], &bytes[ends[2]..]].concat();
-        let (kept, counts) = read(&joined, 100);
-        assert_others_kept(&all, &kept, &[2], &format!("cut at {cut}"));
-        let doubtful = kept.iter().filter(|it| it.frame == 2);
+        let (read_profiles, counts) = read(&joined, 100);
+        assert_others_read(&all, &read_profiles, &[2], &format!("cut at {cut}"));
+        let doubtful = read_profiles.iter().filter(|it| it.frame == 2);
         for profile in doubtful {
             assert_eq!((&profile.x_m, &profile.z_m), (&all[2].x_m, &all[2].z_m));
             assert_eq!(profile.intensity, None, "it was cut");
         }
-        // Where it is cut between two messages, no byte is left over.
+        // If it is cut between two messages, no byte is left over.
         assert!(counts.gaps <= 1);
     }
 }
 
 #[test]
-fn profile_never_gets_the_stamp_of_another() {
+fn a_profile_never_gets_the_stamp_of_another() {
     let (bytes, ends) = stream(4, &settings(9, false), false);
     let (all, _) = read(&bytes, 4096);
     // The profile of the first frame and the stamp of the second are damaged.
     let mut damaged = bytes.clone();
     damaged[70..90].fill(0xee);
     damaged[ends[0]..ends[0] + 20].fill(0xee);
-    let (kept, counts) = read(&damaged, 4096);
-    assert_eq!(kept.iter().map(|it| it.frame).collect::<Vec<_>>(), [2, 3]);
-    assert_others_kept(&all, &kept, &[0, 1], "two sets");
+    let (read_profiles, counts) = read(&damaged, 4096);
+    assert_eq!(
+        read_profiles.iter().map(|it| it.frame).collect::<Vec<_>>(),
+        [2, 3]
+    );
+    assert_others_read(&all, &read_profiles, &[0, 1], "two sets");
     assert_eq!((counts.empty, counts.unstamped), (1, 1));
 }
 
 #[test]
-fn noise_is_no_profile_and_keeps_no_memory() {
+fn noise_gives_no_profile_and_does_not_accumulate() {
     let mut number = noise(3);
     let mut splitter = Splitter::new(1 << 16);
     for _ in 0..200 {
@@ -182,7 +187,7 @@ fn noise_is_no_profile_and_keeps_no_memory() {
 }
 
 #[test]
-fn size_that_is_too_large_is_not_waited_for() {
+fn a_message_that_claims_too_large_a_size_is_skipped_at_once() {
     let settings = settings(9, false);
     let mut encoder = Encoder::default();
     let mut bytes = (LARGEST_MESSAGE as u32 + 1).to_le_bytes().to_vec();

@@ -8,7 +8,7 @@ use boresight::format::gocator_stream::{ProfileReader, Splitter};
 
 #[test]
 #[ignore = "just acceptance"]
-fn speed() {
+fn the_stream_is_split_at_more_than_500_megabytes_per_second() {
     let (bytes, _) = stream(20_000, &settings(1280, false), true);
     let megabytes = bytes.len() as f64 / 1e6;
     println!("{megabytes:.0} MB, 20000 profiles of 1280 points with intensity");

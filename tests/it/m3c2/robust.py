@@ -1,11 +1,11 @@
-"""Writes robust.csv: median and inter-quartile range by py4dgeo for points that the test makes too.
+"""Writes robust.csv: median and inter-quartile range by py4dgeo, for the same points as in the test.
 
     pip install py4dgeo==1.2.0
     python robust.py
 
 Coordinates come from the linear congruential generator x <- (1664525 x + 1013904223) mod 2^32 with the
-seed 1, as multiples of 2^-32, so that every language makes the same doubles. Normals are those of a
-parabola, in components that are exact in binary or rounded once.
+seed 1, as multiples of 2^-32, so that every language gives the same doubles. Normals are those of a
+parabola, with components that are exact in binary or rounded once.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-//! The mistakes.
+//! The list of mistakes.
 
 use crate::common::small_field::Field;
 
@@ -6,7 +6,7 @@ use crate::common::small_field::Field;
 pub struct Mistake {
     pub name: &'static str,
     pub make: fn(&Field),
-    /// Codes of which one names it; an error must contain the first.
+    /// Verdict codes, or parts of an error, of which one must name the mistake; if empty, any warning will do.
     pub names: &'static [&'static str],
 }
 
@@ -310,7 +310,7 @@ pub const MISTAKES: &[Mistake] = &[
     ),
 ];
 
-/// Pairs of mistakes, by their names.
+/// Pairs of mistakes by name.
 pub const PAIRS: [[&str; 2]; 10] = [
     ["lever arm: sign of z", "heading offset 3°"],
     ["prism 100 ms late", "left scanner 100 ms late"],

@@ -1,5 +1,4 @@
-//! Mistakes that people make, each made on a small simulated drive: none may end quietly in values that
-//! are wrong.
+//! Mistakes that users make, each on a small simulated drive: none may give wrong values without a warning.
 
 mod list;
 
@@ -16,60 +15,60 @@ use boresight::statistics::rms;
 use list::{MISTAKES, Mistake, PAIRS};
 use rayon::prelude::*;
 
-/// Errors beyond this many of their standard deviations are no chance.
+/// Errors beyond this many standard deviations are not due to chance.
 const WRONG_SIGMAS: f64 = 4.0;
 
-/// How a run ended.
+/// The end of a run.
 struct Ended {
-    /// Codes of what needs care and of faults, or the error.
-    said: Vec<String>,
-    /// The largest error of a parameter in its standard deviations; 0 where it stopped.
+    /// Codes of the verdicts that need attention, or the error.
+    warnings: Vec<String>,
+    /// The largest error of a parameter in units of its standard deviation; 0 if the run stopped.
     sigmas: f64,
-    /// For the table.
+    /// Row of the printed table.
     line: String,
 }
 
 impl Ended {
     fn of(name: &str, field: &Field) -> Self {
         let begun = Instant::now();
-        let found = field.run();
+        let result = field.run();
         let seconds = begun.elapsed().as_secs_f64();
-        let (said, sigmas, text) = match found {
+        let (warnings, sigmas, text) = match result {
             Err(error) => (vec![format!("{error:?}")], 0.0, format!("stopped: {error}")),
-            Ok(found) => {
-                let [sigmas, m, deg] = field.errors(&found);
-                let marked = found.verdicts.iter().filter(|v| v.severity.is_marked());
-                let said: Vec<String> = marked.map(|v| v.code.clone()).collect();
-                let codes = said.join(", ");
+            Ok(findings) => {
+                let [sigmas, m, deg] = field.errors(&findings);
+                let marked = findings.verdicts.iter().filter(|v| v.severity.is_marked());
+                let warnings: Vec<String> = marked.map(|v| v.code.clone()).collect();
+                let codes = warnings.join(", ");
                 let text = format!("{sigmas:.1} sigma, {:.1} mm, {deg:.3}°: {codes}", 1e3 * m);
-                (said, sigmas, text)
+                (warnings, sigmas, text)
             }
         };
         Self {
-            said,
+            warnings,
             sigmas,
             line: format!("{name:44} {seconds:6.1} s  {text}"),
         }
     }
 
-    /// Whether something was said, or the values are right.
+    /// Whether there is a warning, or the values are right.
     fn is_safe(&self) -> bool {
-        !self.said.is_empty() || self.sigmas < WRONG_SIGMAS
+        !self.warnings.is_empty() || self.sigmas < WRONG_SIGMAS
     }
 
     fn names(&self, mistake: &Mistake) -> bool {
-        let is_named = |name: &&str| self.said.iter().any(|said| said.contains(*name));
+        let is_named = |name: &&str| self.warnings.iter().any(|text| text.contains(*name));
         mistake.names.is_empty() || mistake.names.iter().any(is_named)
     }
 }
 
-/// The drive without a mistake in a folder; it is simulated once.
+/// Writes the drive without a mistake into a folder; it is simulated only once.
 fn clean(folder: &Path) -> Field {
     type Clean = (BTreeMap<PathBuf, Vec<u8>>, Vec<BodyFromScanner>);
     static CLEAN: LazyLock<Clean> = LazyLock::new(|| {
-        let kept = tempfile::tempdir().unwrap();
-        let field = Field::new(kept.path(), 1, |_| ());
-        (files(kept.path()), field.truth)
+        let temp = tempfile::tempdir().unwrap();
+        let field = Field::new(temp.path(), 1, |_| ());
+        (files(temp.path()), field.truth)
     });
     let (files, truth) = &*CLEAN;
     write_files(files, folder);
@@ -79,10 +78,10 @@ fn clean(folder: &Path) -> Field {
     }
 }
 
-/// A run with these mistakes.
+/// Runs the drive with these mistakes.
 fn with(mistakes: &[&Mistake]) -> Ended {
-    let kept = tempfile::tempdir().unwrap();
-    let field = clean(kept.path());
+    let temp = tempfile::tempdir().unwrap();
+    let field = clean(temp.path());
     mistakes.iter().for_each(|mistake| (mistake.make)(&field));
     let names: Vec<&str> = mistakes.iter().map(|mistake| mistake.name).collect();
     Ended::of(&names.join(" & "), &field)
@@ -90,13 +89,13 @@ fn with(mistakes: &[&Mistake]) -> Ended {
 
 /// A mistake of [`MISTAKES`] by its name.
 fn by_name(name: &str) -> &'static Mistake {
-    let found = MISTAKES.iter().find(|mistake| mistake.name == name);
-    found.unwrap_or_else(|| panic!("no mistake `{name}`"))
+    let mistake = MISTAKES.iter().find(|mistake| mistake.name == name);
+    mistake.unwrap_or_else(|| panic!("no mistake `{name}`"))
 }
 
-/// One that each part of a run has to find: the project, the logs, the trajectory, the placement of the scans, the
-/// reference, the joint adjustment.
-const OF_EACH_STAGE: [&str; 6] = [
+/// One mistake for each part of a run that must detect it: the project, the logs, the trajectory, the placement of the
+/// scans, the reference, the joint adjustment.
+const ONE_PER_STAGE: [&str; 6] = [
     "translation in mm",
     "accelerations with the wrong sign",
     "lever arm: signs of x and y",
@@ -107,7 +106,7 @@ const OF_EACH_STAGE: [&str; 6] = [
 
 #[test]
 fn a_mistake_of_each_stage_is_named() {
-    let all = OF_EACH_STAGE.par_iter().map(|name| by_name(name));
+    let all = ONE_PER_STAGE.par_iter().map(|name| by_name(name));
     let all = all.map(|mistake| (mistake, with(&[mistake])));
     for (mistake, ended) in all.collect::<Vec<_>>() {
         println!("{}", ended.line);
@@ -117,9 +116,9 @@ fn a_mistake_of_each_stage_is_named() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn no_mistake_is_quiet() {
+fn no_mistake_gives_wrong_values_without_a_warning() {
     let (mut quiet, mut unnamed) = (Vec::new(), Vec::new());
-    // Most of a run keeps one core busy.
+    // A run uses mostly one core.
     let all = MISTAKES.par_iter();
     let all = all.map(|mistake| (mistake, with(&[mistake])));
     for (mistake, ended) in all.collect::<Vec<_>>() {
@@ -146,7 +145,7 @@ fn no_mistake_is_quiet() {
 
 #[test]
 #[ignore = "just acceptance"]
-fn two_mistakes_at_once_are_not_quiet() {
+fn two_mistakes_at_once_do_not_give_wrong_values_without_a_warning() {
     let mut quiet = Vec::new();
     for pair in PAIRS {
         let ended = with(&pair.map(by_name));
@@ -158,12 +157,13 @@ fn two_mistakes_at_once_are_not_quiet() {
     assert!(quiet.is_empty(), "{quiet:?}");
 }
 
-/// Drives without a mistake: by seed with more or less noise, with and without a reference.
+/// Runs drives without a mistake, by seed with more or less noise, with and without a reference; returns those with
+/// false alarms.
 fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
-    let kept = tempfile::tempdir().unwrap();
+    let temp = tempfile::tempdir().unwrap();
     let mut alarms = Vec::new();
     for seed in seeds {
-        let folder = kept.path().join("clean");
+        let folder = temp.path().join("clean");
         let field = Field::new(&folder, seed, |scenario| {
             let noise = [1.0, 0.5, 2.0][seed as usize % 3];
             scenario.prism.sigma_m *= noise;
@@ -173,18 +173,18 @@ fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
                 scenario.drives[0].passes.truncate(5);
             }
         });
-        // Without a reference, that the common height is unobservable is no false alarm.
+        // Without a reference, the warning that the common height is unobservable is not a false alarm.
         let has_reference = !seed.is_multiple_of(4);
         if !has_reference {
             field.project("[reference]\nfile = \"../tls.laz\"\n", "");
         }
         let mut ended = Ended::of(&format!("clean, seed {seed}"), &field);
-        let own = ["mounting.unobservable", "mounting.sigma"];
+        let expected = ["mounting.unobservable", "mounting.sigma"];
         ended
-            .said
-            .retain(|code| has_reference || !own.contains(&code.as_str()));
+            .warnings
+            .retain(|code| has_reference || !expected.contains(&code.as_str()));
         println!("{}", ended.line);
-        if !ended.said.is_empty() || ended.sigmas > 5.0 {
+        if !ended.warnings.is_empty() || ended.sigmas > 5.0 {
             alarms.push(ended.line);
         }
         std::fs::remove_dir_all(&folder).unwrap();
@@ -198,23 +198,23 @@ fn a_clean_drive_raises_no_alarm() {
     assert!(alarms.is_empty(), "{alarms:#?}");
 }
 
-/// A frame that bends with roll and pitch by a quarter of what the simulator's does: two steps would leave
-/// points 2.6 mm off.
+/// A frame that bends with roll and pitch by a quarter of the simulator's default: two steps would leave points 2.6 mm
+/// off.
 #[test]
 #[ignore = "just acceptance"]
-fn a_frame_that_bends_is_modelled_and_said() {
-    let kept = tempfile::tempdir().unwrap();
-    let field = Field::new(&kept.path().join("bent"), 1, |scenario| {
+fn a_frame_that_bends_is_modelled_and_reported() {
+    let temp = tempfile::tempdir().unwrap();
+    let field = Field::new(&temp.path().join("bent"), 1, |scenario| {
         let frame = &mut scenario.deformation;
         frame.enabled = true;
         (frame.rotation_deg_per_deg, frame.shift_m_per_deg) = (0.05, 0.002);
         (frame.shift_m_per_m_s2, frame.drift_deg, frame.drift_m) = (0.0, 0.0, 0.0);
     });
-    let found = field.run().unwrap();
-    let joint = found.joint.as_ref().unwrap().accepted().unwrap();
+    let findings = field.run().unwrap();
+    let joint = findings.joint.as_ref().unwrap().accepted().unwrap();
     assert_eq!(joint.rung, Rung::Compliance);
     assert_eq!(joint.ladder[0].rung, Rung::Rigid);
-    assert!(found.verdicts.iter().any(|v| v.code == "mounting.moves"));
+    assert!(findings.verdicts.iter().any(|v| v.code == "mounting.moves"));
     for (scanner, name) in ["left", "right"].into_iter().enumerate() {
         let mean = joint.mountings[scanner].body_from_scanner;
         let moved = &joint.drives[0].bending[scanner];
@@ -228,19 +228,19 @@ fn a_frame_that_bends_is_modelled_and_said() {
             })
             .collect();
         for axis in 0..6 {
-            let of_axis = || errors.iter().map(|error| error[axis]);
-            let middle = of_axis().sum::<f64>() / errors.len() as f64;
-            let about = rms(of_axis().map(|error| error - middle));
+            let on_axis = || errors.iter().map(|error| error[axis]);
+            let middle = on_axis().sum::<f64>() / errors.len() as f64;
+            let about = rms(on_axis().map(|error| error - middle));
             let place = 6 * scanner + axis;
             let sigma = joint.covariance[(place, place)].sqrt();
-            // (δφ, δp) there.
+            // The offsets are ordered (δφ, δp).
             let offset = (axis + 3) % 6;
             let claimed = rms(sigmas.samples().map(|(_, sigma)| sigma[offset]));
             println!(
                 "{name} {axis}: {middle:.2e} ± {sigma:.2e}, about it {about:.2e} ± {claimed:.2e}"
             );
             assert!(middle.abs() < WRONG_SIGMAS * sigma);
-            // Least is known of a motion along the track, which looks like one in pitch.
+            // Motion along the track is determined worst, because it resembles motion in pitch.
             assert!(about < 2.0 * claimed && claimed < 1e-3);
             let most = [1e-3, 4e-4, 2e-4, 1e-4, 8e-4, 4e-4];
             assert!(about < most[axis]);

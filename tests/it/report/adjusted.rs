@@ -1,5 +1,5 @@
-//! A solution such as the trajectory stage leaves, with faults in it: outliers, a time without
-//! prism, an IMU gap, a constant that the drive does not determine.
+//! A solution like that of the trajectory stage, with faults: outliers, a time without prism, an IMU
+//! gap, a constant that the drive does not determine.
 
 use super::synthetic::normal;
 use boresight::trajectory::{
@@ -11,7 +11,7 @@ use boresight::trajectory::{
 pub const START_S: f64 = 1_000.0;
 /// Sigma of a prism coordinate, metres.
 const SIGMA_M: f64 = 0.005;
-/// Redundancy of a component of the prism.
+/// Redundancy of each component of a prism position.
 const REDUNDANCY: f64 = 0.81;
 
 fn prism(records: usize, rate_hz: f64) -> Vec<Residual> {
@@ -69,7 +69,7 @@ fn sensor(name: &str, unit: &'static str, count: usize) -> SensorDiagnostics {
     }
 }
 
-/// With so many prism records at this rate and headings.
+/// A solution with these numbers of prism records, at this rate, and of headings.
 pub fn solution(records: usize, rate_hz: f64, headings: usize) -> Solution {
     let residuals = vec![prism(records, rate_hz), heading(headings), vec![], vec![]];
     let outliers = residuals[0].iter().filter(|r| r.weight == 0.0);
@@ -137,7 +137,7 @@ pub fn solution(records: usize, rate_hz: f64, headings: usize) -> Solution {
                 ..sensor("gyro", "rad/s", 30_000)
             },
             sensor("bias_walk", "", 2_000),
-            // Takes no part: not shown.
+            // Not used, and so not shown.
             sensor("pitch", "rad", 0),
         ],
         constants: vec![

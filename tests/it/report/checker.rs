@@ -1,7 +1,7 @@
-//! Is a page well formed, and does it need nothing but itself?
+//! Checks that a page is well formed and self-contained.
 
-/// Checks that every tag is closed by its own name, that attributes are quoted, and that no bare
-/// `&` or `<` stands in text. Returns the number of elements.
+/// Checks that every tag is closed in the right order, that attributes are quoted, and that text has no
+/// bare `&` or `<`. Returns the number of elements.
 pub fn check_well_formed(page: &str) -> usize {
     let mut rest = page.strip_prefix("<!DOCTYPE html>").expect("a doctype");
     let mut open: Vec<&str> = Vec::new();
@@ -44,9 +44,9 @@ fn check_text(text: &str) {
     }
 }
 
-/// Checks that nothing is fetched and no number is missing.
+/// Checks that the page loads nothing, and contains no NaN or infinity.
 pub fn check_self_contained(page: &str) {
-    // The name of a namespace is not fetched, and base64 may spell any word.
+    // A namespace is not loaded, and base64 may spell any word.
     let mut without = String::new();
     for (i, piece) in page
         .replace("xmlns=\"http://www.w3.org/2000/svg\"", "")

@@ -1,4 +1,4 @@
-//! The joint adjustment: which method's values these are, its tests, and the same in `result.json`.
+//! The joint adjustment in the page and in `result.json`: the method of the values, and the tests of the adjustment.
 
 use super::adjusted::solution;
 use super::checker::{check_self_contained, check_well_formed};
@@ -27,7 +27,7 @@ fn group(name: &str, rows: usize, redundancy: f64, ratio: Option<f64>) -> GroupT
     }
 }
 
-/// A drive with a prism whose residuals over 30 s have this root mean square to the east.
+/// A drive with a prism; `east` is the root mean square of its residuals to the east over 30 s.
 fn drive(full: &Full, east: f64) -> AdjustedDrive {
     let poses = &full.drives[0].poses;
     let blocks = |(block_s, rms): (f64, f64)| PositionBlocks {
@@ -65,8 +65,8 @@ fn drive(full: &Full, east: f64) -> AdjustedDrive {
     }
 }
 
-/// What an adjustment with these mountings, ratio of the IMU and block means finds.
-fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
+/// The result of an adjustment with these mountings, ratio of the IMU, and east residuals over 30 s.
+fn joint_result(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
     Joint {
         prior_shares: Vec::new(),
         mountings: near.mountings.clone(),
@@ -117,8 +117,8 @@ fn found(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
     }
 }
 
-/// A covariance of both scanners: 0.15 mm and 0.004° of the body's frame, which both share, and
-/// 0.01 mm and 0.0002° of their own.
+/// A covariance of both scanners: 0.15 mm and 0.004° of the body frame, which both share, and 0.01 mm and
+/// 0.0002° of each scanner.
 fn rigid(calibration: &Calibration) -> DMatrix<f64> {
     let (frame_m, frame_rad) = (1.5e-4, 0.004f64.to_radians());
     let (own_m, own_rad) = (1e-5, 0.0002f64.to_radians());
@@ -146,28 +146,28 @@ fn accepted() -> Full {
     let mut near = full.variants[1].1.clone();
     near.mountings[0].fixed = [false; 6];
     near.covariance = Some(rigid(&near));
-    let found = found(&full, &near, 1.02, 1.3);
-    full.result = found.calibration(&two_steps);
+    let joint = joint_result(&full, &near, 1.02, 1.3);
+    full.result = joint.calibration(&two_steps);
     assert_eq!(full.result.method, Method::Joint);
     full.mountings[1].1 = full.result.poses();
     let before = (MountingKind::TwoStep, two_steps.poses());
     full.mountings.insert(1, before);
     for drive in &mut full.drives {
-        let pairs = drive.agreements.found.chunks(3);
+        let pairs = drive.agreements.comparisons.chunks(3);
         let with_two_steps = pairs.flat_map(|pair| {
             let mut two_steps = pair[1].clone();
             two_steps.mounting = MountingKind::TwoStep;
             two_steps.statistics.rmse_m = 2.346e-3;
             [&pair[..1], &[two_steps], &pair[1..]].concat()
         });
-        drive.agreements.found = with_two_steps.collect();
+        drive.agreements.comparisons = with_two_steps.collect();
     }
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: Some(found),
+        result: Some(joint),
         refused: Vec::new(),
         seconds: 6.1,
     });
@@ -181,18 +181,18 @@ const REASON: &str = "the IMU contradicts a rigid mounting: the squares of its r
 fn refused() -> Full {
     let mut full = full(500);
     let near = full.variants[1].1.clone();
-    let found = found(&full, &near, 8.5, 3.4);
+    let joint = joint_result(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: Some(found),
+        result: Some(joint),
         refused: vec![REASON.into()],
         seconds: 6.1,
     });
     full
 }
 
-/// The first statement of the page.
+/// The first verdict of the page.
 fn first_verdict(page: &str) -> &str {
     let list = page
         .split("<ul class=\"verdicts\">")
@@ -202,14 +202,14 @@ fn first_verdict(page: &str) -> &str {
 }
 
 #[test]
-fn an_accepted_adjustment_stands_beside_two_steps() {
+fn an_accepted_adjustment_is_shown_beside_two_steps() {
     let page = render(&accepted().content());
     keep("report-joint.html", &page);
     check_well_formed(&page);
     check_self_contained(&page);
     let (_, method) = page
         .split_once("<li class=\"good\"><span class=\"sign\" role=\"img\" aria-label=\"good\">✓</span><span>These are the values of the joint adjustment")
-        .expect("which method's values these are");
+        .expect("the method of the values");
     assert!(method.split("</li>").next().unwrap().contains("1.02"));
     for text in [
         "as in the paper</th>",
@@ -238,25 +238,25 @@ fn an_accepted_adjustment_stands_beside_two_steps() {
         page.contains("<td>2.35</td>"),
         "two steps in the table of distances"
     );
-    // Nobody has to know the origin.
+    // Coordinates include the origin.
     assert!(!page.contains("east 3.2"));
     // Nothing is refused.
     assert!(!page.contains("refused</th>") && !page.contains("was refused"));
 }
 
 #[test]
-fn the_right_scanner_is_known_better_relative_to_the_left() {
+fn the_right_scanner_has_smaller_sigmas_relative_to_the_left_than_to_the_body() {
     let full = accepted();
-    let own = full.result.sigmas(0, full.result.mountings[0].convention);
+    let on_body = full.result.sigmas(0, full.result.mountings[0].convention);
     let relative = full.result.relative().remove(0);
     assert_eq!((&*relative.name, &*relative.first), ("right", "left"));
-    for (own, relative) in own.iter().zip(relative.sigma) {
-        assert!(relative.unwrap() < 0.2 * own.unwrap());
+    for (on_body, relative) in on_body.iter().zip(relative.sigma) {
+        assert!(relative.unwrap() < 0.2 * on_body.unwrap());
     }
 }
 
 #[test]
-fn a_refusal_stands_first_with_its_reason() {
+fn a_refusal_is_the_first_verdict_with_its_reason() {
     let page = render(&refused().content());
     keep("report-refused.html", &page);
     check_well_formed(&page);
@@ -284,9 +284,9 @@ fn a_refusal_stands_first_with_its_reason() {
 fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
     let mut full = accepted();
     for drive in &mut full.drives {
-        for found in &mut drive.agreements.found {
-            if found.mounting == MountingKind::Final {
-                found.statistics.rmse_m = 3.9e-3;
+        for agreement in &mut drive.agreements.comparisons {
+            if agreement.mounting == MountingKind::Final {
+                agreement.statistics.rmse_m = 3.9e-3;
             }
         }
     }
@@ -300,19 +300,19 @@ fn clouds_that_agree_worse_than_after_two_steps_need_attention() {
         "worse than after two steps",
         "On drive-2, which was not used in the calibration",
     ] {
-        assert!(attention.iter().any(|found| found.contains(text)), "{text}");
+        assert!(attention.iter().any(|item| item.contains(text)), "{text}");
     }
 }
 
 #[test]
 fn an_error_of_many_standard_deviations_needs_attention() {
     let mut full = accepted();
-    // Two of twelve errors beyond 1.96 σ may be chance, but not where they are this large.
+    // Two of twelve errors beyond 1.96 σ may be chance, but not if they are this large.
     for mounting in &mut full.result.mountings {
         mounting.body_from_scanner.translation_m.z += 4e-3;
     }
     let page = render(&full.content());
-    // It is the reason of the headline, and then the first of the list.
+    // It is the reason of the headline, and then the first verdict of the list.
     let statement = page
         .rsplit("The largest errors against the simulated truth")
         .nth(1)
@@ -322,16 +322,16 @@ fn an_error_of_many_standard_deviations_needs_attention() {
 }
 
 #[test]
-fn what_is_not_finite_never_reaches_the_page() {
+fn numbers_that_are_not_finite_never_reach_the_page() {
     let mut full = accepted();
-    let found = full.joint.as_mut().and_then(|j| j.found.as_mut()).unwrap();
+    let joint = full.joint.as_mut().and_then(|j| j.result.as_mut()).unwrap();
     let bad = f64::NAN;
-    found.groups[0].ratio = Some(bad);
-    found.groups[1].chi_square = f64::INFINITY;
-    found.drives[0].positions[2].rms = [bad; 3];
-    found.drives[0].moved[3].shift_m = Vec3::repeat(bad);
-    found.drives[0].residuals[0].records[5].1 = Vec3::repeat(f64::INFINITY);
-    found.late_s[0] = Some((bad, bad));
+    joint.groups[0].ratio = Some(bad);
+    joint.groups[1].chi_square = f64::INFINITY;
+    joint.drives[0].positions[2].rms = [bad; 3];
+    joint.drives[0].moved[3].shift_m = Vec3::repeat(bad);
+    joint.drives[0].residuals[0].records[5].1 = Vec3::repeat(f64::INFINITY);
+    joint.late_s[0] = Some((bad, bad));
     full.result.covariance = Some(DMatrix::from_element(12, 12, bad));
     let page = render(&full.content());
     check_well_formed(&page);
@@ -359,7 +359,7 @@ fn document(full: Full) -> Value {
 }
 
 #[test]
-fn the_document_holds_the_joint_adjustment() {
+fn the_document_contains_the_joint_adjustment() {
     let document = document(accepted());
     let calibration = &document["calibration"];
     assert_eq!(calibration["method"], "joint");
@@ -408,26 +408,26 @@ fn the_document_holds_the_joint_adjustment() {
 }
 
 #[test]
-fn the_document_says_why_it_was_refused() {
-    let found = document(refused());
-    assert_eq!(found["calibration"]["method"], "two-step");
-    let joint = &found["calibration"]["joint"];
+fn the_document_gives_the_reason_of_a_refusal() {
+    let refusal = document(refused());
+    assert_eq!(refusal["calibration"]["method"], "two-step");
+    let joint = &refusal["calibration"]["joint"];
     assert_eq!(joint["refused"], REASON);
     assert_eq!(joint["reason"], REASON);
     assert!(joint["scanners"]["right"]["body_from_scanner"].is_object());
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
-        said: Vec::new(),
+        verdicts: Vec::new(),
         late: Vec::new(),
-        found: None,
+        result: None,
         refused: vec!["only 12 patches of the surface are known".into()],
         seconds: 0.2,
     });
     let page = render(&not_made.content());
     assert!(first_verdict(&page).contains("only 12 patches of the surface"));
-    let found = document(not_made);
-    let joint = &found["calibration"]["joint"];
+    let refusal = document(not_made);
+    let joint = &refusal["calibration"]["joint"];
     assert_eq!(joint["decided"], json!(null));
     assert_eq!(joint["refused"], "only 12 patches of the surface are known");
 }

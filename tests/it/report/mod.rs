@@ -1,4 +1,4 @@
-//! The page: complete, well formed, self-contained, of bounded size, and deterministic.
+//! The report page: complete, well formed, self-contained, of bounded size, and deterministic.
 
 mod adjusted;
 mod checker;
@@ -14,7 +14,7 @@ use boresight::sensor::PoseSigma;
 use checker::{check_self_contained, check_well_formed};
 use synthetic::full;
 
-/// Leaves the page where a person can look at it.
+/// Writes the page to the target folder, so that a person can look at it.
 fn keep(name: &str, page: &str) {
     std::fs::write(
         std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(name),
@@ -24,8 +24,8 @@ fn keep(name: &str, page: &str) {
 }
 
 #[test]
-fn a_full_page_is_whole_and_small() {
-    // Three maps of two panels of 50 000 core points: 300 000 in all, the last panels drawn twice.
+fn a_full_page_is_complete_and_below_5_megabytes() {
+    // Three maps with two panels of 50 000 core points: 300 000 in total, the last panels drawn twice.
     let page = render(&full(50_000).content());
     keep("report-full.html", &page);
     assert!(check_well_formed(&page) > 1000);
@@ -51,7 +51,7 @@ fn a_full_page_is_whole_and_small() {
     assert_eq!(
         page.matches("<image").count(),
         28 + 1 + 3 + 2,
-        "three maps a pair and drive, and the ground; that of the first screen; levels of detection, over the reference"
+        "three maps per pair and drive, and the ground; the map of the first screen; levels of detection, over the reference"
     );
 }
 
@@ -77,7 +77,7 @@ fn sections_without_data_are_left_out() {
 }
 
 #[test]
-fn one_scanner_without_truth_or_reference_makes_a_page() {
+fn one_scanner_without_truth_or_reference_gives_a_page() {
     let mut full = full(100);
     full.mountings.truncate(2);
     full.mountings.iter_mut().for_each(|(_, m)| m.truncate(1));
@@ -102,7 +102,7 @@ fn one_scanner_without_truth_or_reference_makes_a_page() {
 }
 
 #[test]
-fn large_coordinates_keep_short_ticks() {
+fn large_coordinates_have_short_tick_labels() {
     let mut full = full(100);
     full.background_m.clear();
     for pose in full.drives.iter_mut().flat_map(|d| &mut d.poses) {
@@ -115,7 +115,7 @@ fn large_coordinates_keep_short_ticks() {
 }
 
 #[test]
-fn what_is_not_finite_never_reaches_the_page() {
+fn numbers_that_are_not_finite_never_reach_the_page() {
     let bad = f64::NAN;
     let mut full = full(200);
     let result = &mut full.result;
@@ -137,13 +137,13 @@ fn what_is_not_finite_never_reaches_the_page() {
     let [first, second, ..] = &mut full.drives[..] else {
         panic!("three drives");
     };
-    let statistics = &mut first.agreements.found[0].statistics;
+    let statistics = &mut first.agreements.comparisons[0].statistics;
     statistics.mean_m = bad;
     statistics.std_m = f64::INFINITY;
     statistics.rmse_m = f64::NEG_INFINITY;
     statistics.median_m = bad;
-    for found in &mut first.agreements.found[6..] {
-        found.distances = DistanceMap::default();
+    for agreement in &mut first.agreements.comparisons[6..] {
+        agreement.distances = DistanceMap::default();
     }
     for (i, pose) in first.poses.iter_mut().enumerate().step_by(5) {
         pose.world_from_body.translation_m.x = if i % 2 == 0 { bad } else { f64::INFINITY };
@@ -163,7 +163,7 @@ fn what_is_not_finite_never_reaches_the_page() {
 }
 
 #[test]
-fn text_from_outside_stays_text() {
+fn text_of_the_user_is_escaped() {
     let evil = "<script>alert(\"x\")</script> & 'more' \u{1}";
     let mut full = full(50);
     full.title = evil.into();
@@ -172,10 +172,10 @@ fn text_from_outside_stays_text() {
     full.inputs[0].value = evil.into();
     full.stages[0].name = evil.into();
     full.warnings[0] = evil.into();
-    let calibrations = full.variants.iter_mut().map(|(_, found)| found);
-    for found in calibrations.chain([&mut full.result]) {
-        found.mountings[0].name = evil.into();
-        found
+    let calibrations = full.variants.iter_mut().map(|(_, calibration)| calibration);
+    for calibration in calibrations.chain([&mut full.result]) {
+        calibration.mountings[0].name = evil.into();
+        calibration
             .observability
             .unobservable
             .iter_mut()
@@ -183,8 +183,8 @@ fn text_from_outside_stays_text() {
     }
     for drive in &mut full.drives {
         drive.name = evil.into();
-        for found in &mut drive.agreements.found {
-            found.scanner = evil.into();
+        for agreement in &mut drive.agreements.comparisons {
+            agreement.scanner = evil.into();
         }
     }
     let page = render(&full.content());

@@ -1,4 +1,4 @@
-//! Results such as a run on simulated drives would leave.
+//! Results like those of a run on simulated drives.
 
 use boresight::calibration::Block;
 use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
@@ -17,7 +17,7 @@ use boresight::sensor::{PoseRecord, PoseSigma};
 use boresight::verdict::Acceptance;
 use nalgebra::{DMatrix, DVector};
 
-/// A value in [−1, 1] that looks random and depends on `i` alone.
+/// A pseudo-random value in [−1, 1] that depends only on `i`.
 fn noise(i: usize) -> f64 {
     let mut x = (i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5bf0_3635;
     x ^= x >> 29;
@@ -26,12 +26,12 @@ fn noise(i: usize) -> f64 {
     (x % 2_000_001) as f64 / 1e6 - 1.0
 }
 
-/// Roughly normal, standard deviation 1.
+/// Approximately normal, with standard deviation 1.
 pub fn normal(i: usize) -> f64 {
     (0..6).map(|j| noise(7 * i + 131 * j)).sum::<f64>() / 2f64.sqrt()
 }
 
-/// What a [`Content`] is made from.
+/// The parts from which a [`Content`] is made.
 pub struct Full {
     pub title: String,
     pub command: String,
@@ -46,7 +46,7 @@ pub struct Full {
     pub warnings: Vec<String>,
 }
 
-/// The origin of its project.
+/// The origin of the project.
 pub const ORIGIN_M: Vec3 = Vec3::new(1_000.0, 2_000.0, 0.0);
 
 impl Full {
@@ -88,7 +88,7 @@ fn mounting(translation: [f64; 3], bonn_deg: [f64; 3]) -> BodyFromScanner {
     )
 }
 
-/// Mountings this far from the truth.
+/// Mountings at this distance from the truth.
 fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
     let turn = so3::exp(&Vec3::new(deg, -0.6 * deg, 0.3 * deg).map(f64::to_radians));
     let shift = Vec3::new(mm, -0.4 * mm, 0.2 * mm) * 1e-3;
@@ -106,8 +106,8 @@ fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
         .collect()
 }
 
-/// A calibration this far from the truth with these standard deviations, and iterations on the
-/// first scale and the others.
+/// A calibration with these mountings and standard deviations, and numbers of iterations on the first
+/// scale and on the others.
 fn calibration(
     method: Method,
     mountings: Vec<Mounting>,
@@ -173,24 +173,25 @@ fn calibration(
     }
 }
 
-/// Leaves the common height open.
-fn without_height(mut found: Calibration, initial: &[BodyFromScanner]) -> Calibration {
+/// Makes the common height unobservable.
+fn without_height(mut calibration: Calibration, initial: &[BodyFromScanner]) -> Calibration {
     let height = 2;
-    for (scanner, (mounting, initial)) in found.mountings.iter_mut().zip(initial).enumerate() {
+    for (scanner, (mounting, initial)) in calibration.mountings.iter_mut().zip(initial).enumerate()
+    {
         let row = 6 * scanner + height;
-        if let Some(covariance) = &mut found.covariance {
+        if let Some(covariance) = &mut calibration.covariance {
             covariance.row_mut(row).fill(0.0);
             covariance.column_mut(row).fill(0.0);
         }
         mounting.body_from_scanner.translation_m.z = initial.translation_m.z;
     }
-    found.observability.unobservable = vec![UnobservableDirection {
+    calibration.observability.unobservable = vec![UnobservableDirection {
         direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),
         share: 1e-6,
         description: "the common height of all scanners".into(),
         parameters: vec![(0, height), (1, height)],
     }];
-    found
+    calibration
 }
 
 fn constancy() -> Constancy {
@@ -279,7 +280,7 @@ fn agreements(n: usize) -> Agreements {
         })
     });
     Agreements {
-        found: found.collect(),
+        comparisons: found.collect(),
         missing: Vec::new(),
     }
 }
@@ -309,7 +310,7 @@ fn distances(n: usize, mean: f64, wave: f64, sigma: f64) -> M3c2 {
     }
 }
 
-/// Everything a run on simulated drives can fill, with `n` core points for each pair and mounting
+/// All results that a run on simulated drives can have, with `n` core points for each pair and mounting
 /// of the first drive.
 pub fn full(n: usize) -> Full {
     let truth = vec![

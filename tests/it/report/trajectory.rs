@@ -1,5 +1,5 @@
-//! The trajectory's section: numbers as computed, faults in sight, bounded size; and the same
-//! numbers in `result.json`.
+//! The section of the trajectory: it shows the computed numbers and the faults, in bounded size; and the
+//! same numbers are in `result.json`.
 
 use super::adjusted::{START_S, solution};
 use super::checker::{check_self_contained, check_well_formed};
@@ -14,7 +14,7 @@ use boresight::sensor::{ImuBias, PoseRecord, PoseSigma};
 use boresight::trajectory::Solution;
 use serde_json::json;
 
-/// Poses with biases, known to 4 mm east and 3 mm north, ten times worse from 1100 s to 1120 s.
+/// Poses with biases, and sigmas of 4 mm east and 3 mm north, ten times larger from 1100 s to 1120 s.
 fn poses(count: usize, rate_hz: f64) -> Vec<PoseRecord> {
     (0..count)
         .map(|i| {
@@ -77,10 +77,10 @@ fn row(page: &str, heading: &str, name: &str) -> Vec<String> {
 
 #[test]
 fn numbers_in_the_tables_are_those_of_the_solution() {
-    let found = solution(2_100, 7.0, 1_500);
-    let (used, rejected) = (found.sensors[0].count, found.sensors[0].rejected);
-    assert_eq!(rejected, found.rejections.len() - 1);
-    let page = page(found, poses(30_000, 100.0));
+    let solution = solution(2_100, 7.0, 1_500);
+    let (used, rejected) = (solution.sensors[0].count, solution.sensors[0].rejected);
+    assert_eq!(rejected, solution.rejections.len() - 1);
+    let page = page(solution, poses(30_000, 100.0));
     keep("report-trajectory.html", &page);
     check_well_formed(&page);
     check_self_contained(&page);
@@ -132,7 +132,7 @@ fn numbers_in_the_tables_are_those_of_the_solution() {
         row(all, "rejected measurements</summary>", "IMU"),
         ["4711", "1047.110", "time out of order", "–"]
     );
-    // 0.3 m of 5 mm sigma; over √0.81 for the test.
+    // 0.3 m with a sigma of 5 mm; divided by √0.81 for the test.
     assert_eq!(
         row(
             &page,
@@ -152,7 +152,7 @@ fn numbers_in_the_tables_are_those_of_the_solution() {
 }
 
 #[test]
-fn faults_are_in_sight() {
+fn faults_are_shown() {
     let page = page(solution(2_100, 7.0, 1_500), poses(30_000, 100.0));
     for text in [
         "The adjustment of the trajectory converged after 6 iterations over 12\u{202f}345 nodes.",
@@ -168,18 +168,18 @@ fn faults_are_in_sight() {
     ] {
         assert!(page.contains(text), "{text}");
     }
-    // Prism in three components: the gap without prism, the silent IMU; the heading: the IMU;
-    // both charts of sigmas: the outage.
+    // The three components of the prism show the time without prism and the IMU gap, the heading shows
+    // the IMU gap, and both charts of sigmas show the outage.
     assert_eq!(page.matches("<rect class=\"silent\"").count(), 4);
     assert_eq!(page.matches("<rect class=\"gap\"").count(), 3 + 2);
-    // Only the first component of the outliers lies beyond the scale.
+    // Only the first component of the outliers exceeds the scale.
     assert_eq!(page.matches("<path class=\"beyond\"").count(), 1);
-    // Of two components with outliers, and on the time line.
+    // In two components with outliers, and on the time line.
     assert_eq!(page.matches("<path class=\"cross\"").count(), 2 + 1);
 }
 
 #[test]
-fn hours_of_records_make_no_larger_page() {
+fn hours_of_records_do_not_make_the_page_larger() {
     let short = page(solution(2_100, 7.0, 1_500), poses(3_000, 10.0));
     let long = page(solution(250_000, 70.0, 180_000), poses(3_000, 1.0));
     assert!(
@@ -192,10 +192,10 @@ fn hours_of_records_make_no_larger_page() {
 }
 
 #[test]
-fn the_document_says_what_the_page_says() {
-    let found = solution(2_100, 7.0, 1_500);
+fn the_document_has_the_numbers_of_the_page() {
+    let solution = solution(2_100, 7.0, 1_500);
     let poses = poses(30_000, 100.0);
-    let document = result::trajectory(&found, &poses);
+    let document = result::trajectory(&solution, &poses);
     let list = document["worst"].as_array().expect("a list");
     assert_eq!(list.len(), 20);
     assert_eq!(list[0]["sensor"], "prism");
@@ -204,8 +204,8 @@ fn the_document_says_what_the_page_says() {
     assert_eq!(list[0]["component"], "east");
     assert_eq!(list[0]["residual"], 0.3);
     assert_eq!(list[0]["rejected"], true);
-    assert_eq!(list[0]["test"], json!(worst(&found, 1)[0].test));
-    let rejected = found.sensors[0].rejected;
+    assert_eq!(list[0]["test"], json!(worst(&solution, 1)[0].test));
+    let rejected = solution.sensors[0].rejected;
     assert_eq!(
         document["rejection_counts"],
         json!([
@@ -241,22 +241,22 @@ fn the_document_says_what_the_page_says() {
 }
 
 #[test]
-fn names_from_outside_stay_text_and_numbers_may_be_missing() {
+fn names_of_the_user_are_escaped_and_numbers_may_be_missing() {
     let evil = "<script>alert(1)</script> & 'more'";
-    let mut found = solution(300, 7.0, 100);
-    found.sensors[0].name = evil.into();
-    found.sensors[0].rms_raw = f64::NAN;
-    found.sensors[0].variance_component = Some(f64::NAN);
-    found.sensors[1].chi_square = f64::INFINITY;
-    found.constants[0].name = evil.into();
-    found.constants[0].sigma = Some(f64::NAN);
-    found.constants[1].value = f64::INFINITY;
-    found.rejections[0].sensor = evil.into();
-    found.rejections[0].time_s = f64::NAN;
-    found.residuals[0][3].values[0] = f64::NAN;
-    found.residuals[0][4].tests = vec![f64::NAN; 3];
-    found.residuals[0][5].time_s = f64::INFINITY;
-    found.residuals[1]
+    let mut solution = solution(300, 7.0, 100);
+    solution.sensors[0].name = evil.into();
+    solution.sensors[0].rms_raw = f64::NAN;
+    solution.sensors[0].variance_component = Some(f64::NAN);
+    solution.sensors[1].chi_square = f64::INFINITY;
+    solution.constants[0].name = evil.into();
+    solution.constants[0].sigma = Some(f64::NAN);
+    solution.constants[1].value = f64::INFINITY;
+    solution.rejections[0].sensor = evil.into();
+    solution.rejections[0].time_s = f64::NAN;
+    solution.residuals[0][3].values[0] = f64::NAN;
+    solution.residuals[0][4].tests = vec![f64::NAN; 3];
+    solution.residuals[0][5].time_s = f64::INFINITY;
+    solution.residuals[1]
         .iter_mut()
         .for_each(|r| r.values[0] = f64::NAN);
     let mut drive = poses(500, 10.0);
@@ -265,7 +265,7 @@ fn names_from_outside_stay_text_and_numbers_may_be_missing() {
         gyro_rad_s: Vec3::repeat(f64::NAN),
         accel_m_s2: Vec3::repeat(f64::INFINITY),
     });
-    let page = page(found, drive);
+    let page = page(solution, drive);
     check_well_formed(&page);
     check_self_contained(&page);
     assert!(!page.contains("<script"));

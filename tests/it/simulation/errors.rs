@@ -1,4 +1,4 @@
-//! Errors of the logs that a scenario may switch on.
+//! Errors that a scenario may add to the logs.
 
 use boresight::geometry::{Vec3, heading};
 use boresight::progress::Silent;
@@ -9,7 +9,7 @@ use boresight::simulation::{
 
 use super::small;
 
-/// A drive of so many passes, and its scene.
+/// The scene, and its first drive cut to this number of passes.
 fn short(scenario: &mut Scenario, passes: usize) -> (Scene, Drive) {
     scenario.drives.truncate(1);
     scenario.drives[0].passes.truncate(passes);
@@ -18,32 +18,32 @@ fn short(scenario: &mut Scenario, passes: usize) -> (Scene, Drive) {
     (scene, drive)
 }
 
-/// Mean of products of values that are `lag` apart.
+/// Mean of the products of values `lag` steps apart.
 fn autocovariance(values: &[f64], lag: usize) -> f64 {
     let pairs = values.iter().zip(&values[lag..]);
     pairs.map(|(a, b)| a * b).sum::<f64>() / (values.len() - lag) as f64
 }
 
-/// Autocovariances at these lags against σ² exp(−lag / correlation), both in steps.
+/// Compares autocovariances with σ² exp(−lag / correlation); lags and correlation length in steps.
 ///
 /// A mean over `n` values of a process with correlation length τ scatters by σ² √(2 τ / n).
 fn assert_gauss_markov(values: &[f64], sigma: f64, correlation: f64) {
     let scatter = sigma * sigma * (2.0 * correlation / values.len() as f64).sqrt();
     for share in [0.0, 0.5, 1.0, 2.0] {
         let lag = (share * correlation) as usize;
-        let found = autocovariance(values, lag);
+        let estimate = autocovariance(values, lag);
         let expected = sigma * sigma * (-(lag as f64) / correlation).exp();
         assert!(
-            (found - expected).abs() < 4.0 * scatter,
-            "{lag}: {found:e}, not {expected:e}"
+            (estimate - expected).abs() < 4.0 * scatter,
+            "{lag}: {estimate:e}, not {expected:e}"
         );
     }
 }
 
 #[test]
-fn correlated_errors_fade_exponentially_and_leave_the_white_noise() {
+fn correlated_errors_decay_exponentially_and_leave_the_white_noise_unchanged() {
     let mut scenario = small();
-    // Some thousand correlation lengths in a drive of half a minute.
+    // About a thousand correlation lengths in a drive of half a minute.
     scenario.prism.rate_hz = 1000.0;
     scenario.heading.rate_hz = 1000.0;
     let (_, drive) = short(&mut scenario, 1);
@@ -71,9 +71,9 @@ fn correlated_errors_fade_exponentially_and_leave_the_white_noise() {
 }
 
 #[test]
-fn late_stamps_belong_to_what_was_measured_earlier() {
+fn records_with_late_stamps_hold_earlier_measurements() {
     let mut scenario = small();
-    // With a turn between the passes.
+    // The robot turns between the passes.
     let (scene, drive) = short(&mut scenario, 3);
     let mut late = scenario.clone();
     late.scanners[1].latency_s = 0.02;
@@ -99,7 +99,7 @@ fn late_stamps_belong_to_what_was_measured_earlier() {
 }
 
 #[test]
-fn a_lost_prism_has_no_positions_and_the_others_stay() {
+fn fixes_are_missing_while_the_prism_is_lost_and_the_others_are_unchanged() {
     let mut scenario = small();
     let (_, drive) = short(&mut scenario, 1);
     let all = simulate_prism(&scenario, &drive, 0);
@@ -114,7 +114,7 @@ fn a_lost_prism_has_no_positions_and_the_others_stay() {
 }
 
 #[test]
-fn outliers_are_displaced_by_their_length_in_all_directions() {
+fn outliers_are_displaced_by_the_given_length_in_all_directions() {
     let mut scenario = small();
     scenario.prism.rate_hz = 100.0;
     let (_, drive) = short(&mut scenario, 1);
@@ -139,7 +139,7 @@ fn outliers_are_displaced_by_their_length_in_all_directions() {
 }
 
 #[test]
-fn the_truth_tells_the_errors_that_the_project_does_not() {
+fn the_truth_files_list_the_errors_that_the_project_hides() {
     let mut scenario = small();
     short(&mut scenario, 1);
     scenario.profiles.rate_hz = 0.5;

@@ -1,4 +1,4 @@
-//! What else a scenario may put on the field.
+//! Moved boards, clods, leaves and other options of a scenario for its field.
 
 use boresight::geometry::Vec3;
 use boresight::simulation::{Drive, Pass, Profiler, Reference, Scenario, Scene, Surface};
@@ -6,7 +6,7 @@ use boresight::simulation::{Drive, Pass, Profiler, Reference, Scenario, Scene, S
 use super::small;
 
 #[test]
-fn a_moved_board_is_scanned_where_it_stands_and_surveyed_where_it_stood() {
+fn a_moved_board_is_scanned_at_its_new_place_and_surveyed_at_its_old_one() {
     let surveyed = small();
     let mut scenario = small();
     scenario.boards[0].moved_m = [0.02, -0.01, 0.015];
@@ -31,7 +31,7 @@ fn a_moved_board_is_scanned_where_it_stands_and_surveyed_where_it_stood() {
     assert!(hits > 1000, "{hits}");
 
     let reference = Reference::new(&scenario, &scene);
-    // After 120 strips of soil come those of the first board.
+    // The strips of the first board follow 120 strips of soil.
     let unmoved = Reference::new(&surveyed, &scene);
     assert_eq!(reference.strip(130), unmoved.strip(130));
     let points = (0..reference.strips()).flat_map(|k| reference.strip(k));
@@ -44,7 +44,7 @@ fn a_moved_board_is_scanned_where_it_stands_and_surveyed_where_it_stood() {
 }
 
 #[test]
-fn clods_are_part_of_the_ground_that_both_see_and_wheels_do_not_feel() {
+fn clods_are_scanned_and_surveyed_but_do_not_move_the_wheels() {
     let plain = small();
     let mut cloddy = small();
     cloddy.soil.clod_height_m = 0.02;
@@ -67,18 +67,18 @@ fn clods_are_part_of_the_ground_that_both_see_and_wheels_do_not_feel() {
             }
         }
     }
-    // A fifth of the ground, less the rims of the clods, more what hides behind them.
+    // A fifth of the ground, less the rims of the clods, plus the ground hidden behind them.
     let share = raised / soil;
     assert!(soil > 10_000.0 && (0.14..0.3).contains(&share), "{share}");
     let reference = Reference::new(&cloddy, &rough);
     for point in reference.strip(30) {
-        // Six standard deviations, and on the steepest rim their share along the slope.
+        // Six standard deviations, and as much again on the steepest rim.
         assert!(rough.distance_m(&point) < 0.003 + 0.003);
     }
 }
 
 #[test]
-fn leaves_are_seen_where_they_are_at_the_time() {
+fn leaves_are_scanned_at_their_position_at_that_time() {
     let bare = small();
     let mut planted = small();
     planted.plants.count_per_m2 = 30.0;
@@ -101,7 +101,7 @@ fn leaves_are_seen_where_they_are_at_the_time() {
             }
             leaves += 1;
             assert!(free.is_none_or(|free| free.hit.range_m > ray.hit.range_m));
-            // Half a leaf's length from the centre of one, now but not much later.
+            // Within half a leaf's length of the centre of a leaf, which has moved on much later.
             let nearest = |time_s: f64| {
                 let centres = after.plants.centres_m(time_s);
                 centres.map(|c| (c - point).norm()).fold(f64::MAX, f64::min)
@@ -114,7 +114,7 @@ fn leaves_are_seen_where_they_are_at_the_time() {
     }
     let share = f64::from(leaves) / f64::from(rays);
     println!("{leaves} of {rays}: {share:.3}");
-    // 180 leaves of 10 cm² a square metre, tilted, behind one another, and none at boards.
+    // 180 leaves of 10 cm² on a square metre, tilted, occluding each other, none near boards.
     assert!((0.04..0.15).contains(&share), "{share}");
     assert!(moved_m > 0.03, "{moved_m}");
 
@@ -128,7 +128,7 @@ fn leaves_are_seen_where_they_are_at_the_time() {
     let changed = on_soil.iter().zip(&on_leaves).filter(|(a, b)| a != b);
     let mut count = 0;
     for (a, b) in changed {
-        // From above, a leaf is nearer than the soil below it.
+        // Seen from above, a leaf is nearer than the soil below it.
         assert!(b.z > a.z - 0.005 && before.distance_m(a) < 0.005);
         count += 1;
     }
@@ -136,7 +136,7 @@ fn leaves_are_seen_where_they_are_at_the_time() {
 }
 
 #[test]
-fn passes_of_the_plain_field_see_the_ground_in_both_directions() {
+fn passes_over_the_plain_field_scan_the_ground_in_both_directions() {
     let scenario = Scenario::load("plain").unwrap();
     scenario.check().unwrap();
     let scene = Scene::new(&scenario);
@@ -172,7 +172,7 @@ fn passes_of_the_plain_field_see_the_ground_in_both_directions() {
 }
 
 #[test]
-fn the_scanners_pass_from_place_to_place() {
+fn the_scanners_are_driven_from_the_start_to_the_end_of_a_line() {
     let mut scenario = small();
     let (from_m, to_m) = ([2.0, 1.0], [4.0, 2.5]);
     scenario.drives.truncate(1);
@@ -180,7 +180,7 @@ fn the_scanners_pass_from_place_to_place() {
     let scene = Scene::new(&scenario);
     let drive = Drive::new(&scenario, &scene, 0, 0.0);
     let mountings = scenario.true_mountings();
-    // Ahead of the IMU as far as the scanners.
+    // The scanners are mounted this far ahead of the IMU.
     let ahead_m = (mountings[0].translation_m.x + mountings[1].translation_m.x) / 2.0;
     let times_s = (0..(drive.span_s.1 * 100.0) as usize).map(|k| k as f64 * 0.01);
     let track: Vec<_> = times_s
@@ -205,7 +205,7 @@ fn the_scanners_pass_from_place_to_place() {
 }
 
 #[test]
-fn the_smooth_error_of_the_reference_is_along_normals_and_as_large_as_said() {
+fn the_smooth_error_of_the_reference_is_along_normals_and_of_the_given_size() {
     let exact = small();
     let mut scenario = small();
     scenario.reference.surface_error_m = 0.0004;
@@ -219,9 +219,9 @@ fn the_smooth_error_of_the_reference_is_along_normals_and_as_large_as_said() {
     let pairs: Vec<(Vec3, Vec3)> = points(&exact).into_iter().zip(points(&scenario)).collect();
     let added = pairs.iter().map(|(a, b)| (b - a).norm());
     let rms = (added.map(|d| d * d).sum::<f64>() / pairs.len() as f64).sqrt();
-    // Some 500 patches of 0.3 m, each with its own error.
+    // About 500 patches of 0.3 m, each with an independent error.
     assert!((rms / 0.0004 - 1.0).abs() < 0.15, "{rms}");
-    // On a board neighbours differ by little, and all errors are along its normal.
+    // On a board, the errors of neighbours differ little, and all are along its normal.
     let board = &scene.boards[3];
     let on_board: Vec<_> = pairs
         .iter()

@@ -1,4 +1,4 @@
-//! What the demo measures does not change with what other scenarios may switch on.
+//! Digests of the demo's measurements, which options added for other scenarios must not change.
 
 use boresight::simulation::{
     Drive, Profiler, Reference, Scene, simulate_heading, simulate_imu, simulate_prism,
@@ -6,17 +6,17 @@ use boresight::simulation::{
 
 use super::small;
 
-/// Number of values, and their sum with weights that tell their order apart.
+/// Number of values, and their sum with weights that depend on their order.
 fn digest(values: impl Iterator<Item = f64>) -> (usize, f64) {
     values.fold((0, 0.0), |(count, sum), value| {
         (count + 1, sum + (1.0 + (count % 89) as f64) * value)
     })
 }
 
-/// Sums rather than bytes: the sines of another machine differ in the last digit. Another random
-/// number anywhere changes a sum by 1e-3 and more.
+/// Sums rather than bytes: sines differ in the last digit between machines. One random number more
+/// or less changes a sum by at least 1e-3.
 #[test]
-fn drives_of_the_demo_are_those_of_every_version() {
+fn drives_of_the_demo_are_the_same_in_every_version() {
     let scenario = small();
     let scene = Scene::new(&scenario);
     let drive = Drive::new(&scenario, &scene, 1, 100.0);
@@ -28,7 +28,7 @@ fn drives_of_the_demo_are_those_of_every_version() {
         (0..profiler.count()).flat_map(|k| [profiler.profile(0, k), profiler.profile(1, k)]);
     let reference = Reference::new(&scenario, &scene);
     let reference = (0..reference.strips()).flat_map(|k| reference.strip(k));
-    let found = [
+    let digests = [
         digest(imu.iter().flat_map(|s| {
             let (w, a) = (s.gyro_rad_s, s.accel_m_s2);
             [s.time_s, w.x, w.y, w.z, a.x, a.y, a.z]
@@ -54,11 +54,11 @@ fn drives_of_the_demo_are_those_of_every_version() {
         (168_449, 317_017_937.963_657),
         (86_532, 9_056_509.622_993),
     ];
-    for (found, expected) in found.iter().zip(expected) {
-        assert_eq!(found.0, expected.0);
+    for (digest, expected) in digests.iter().zip(expected) {
+        assert_eq!(digest.0, expected.0);
         assert!(
-            (found.1 - expected.1).abs() < 1e-4,
-            "{found:?}, not {expected:?}"
+            (digest.1 - expected.1).abs() < 1e-4,
+            "{digest:?}, not {expected:?}"
         );
     }
 }

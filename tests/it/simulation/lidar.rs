@@ -31,7 +31,7 @@ fn with_lidar() -> Scenario {
 }
 
 #[test]
-fn its_points_have_their_own_times_and_lie_on_soil_and_boards() {
+fn lidar_points_have_their_own_times_and_lie_on_soil_and_boards() {
     let mut scenario = with_lidar();
     scenario.lidar.sigma_m = 0.0;
     let scene = Scene::new(&scenario);
@@ -67,7 +67,7 @@ fn its_points_have_their_own_times_and_lie_on_soil_and_boards() {
         )
     });
     assert!(boards > 500, "{boards}");
-    // Three per mille are lost.
+    // Three in a thousand are lost.
     assert!((all as f64 * 0.996..all as f64 * 0.998).contains(&(count as f64)));
 
     let project = std::fs::read_to_string(&files.drives[0].project).unwrap();
@@ -75,7 +75,7 @@ fn its_points_have_their_own_times_and_lie_on_soil_and_boards() {
 }
 
 #[test]
-fn its_noise_is_along_the_ray_and_stamps_may_be_late() {
+fn lidar_noise_is_along_the_ray_and_stamps_may_be_late() {
     let mut scenario = with_lidar();
     scenario.lidar.dropout = 0.0;
     scenario.scanners[0].latency_s = 0.03;
@@ -96,12 +96,12 @@ fn its_noise_is_along_the_ray_and_stamps_may_be_late() {
         }
     }
     let sigma_m = (sum / count).sqrt();
-    // Some 10,000 values scatter by 0.7 %.
+    // The sigma of about 10,000 values scatters by 0.7 %.
     assert!((sigma_m / 0.005 - 1.0).abs() < 0.04, "{sigma_m}");
 }
 
 #[test]
-fn profile_scanners_record_the_same_beside_it() {
+fn profile_scanners_record_the_same_with_and_without_a_lidar() {
     let with = with_lidar();
     let mut without = with.clone();
     without.scanners.remove(0);

@@ -1,4 +1,4 @@
-//! The twin: its files, its truth and its promises.
+//! The digital twin: its files, its ground truth and what it guarantees.
 
 mod errors;
 mod field;
@@ -25,7 +25,7 @@ fn small() -> Scenario {
     scenario
 }
 
-/// Every file below a folder with its bytes.
+/// The bytes of every file below a folder.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = files(folder).into_iter();
     files
@@ -73,7 +73,7 @@ fn one_and_two_threads_write_the_same_bytes() {
 }
 
 #[test]
-fn recorded_points_lie_on_the_scene_when_truth_places_them() {
+fn recorded_points_lie_on_the_scene_at_the_true_poses() {
     for body in [BodyAxes::Frd, BodyAxes::Flu] {
         let mut scenario = Scenario { body, ..small() };
         // Flying points are wrong by design.
@@ -105,7 +105,7 @@ fn recorded_points_lie_on_the_scene_when_truth_places_them() {
                 rms * 1e3,
                 worst * 1e3
             );
-            // Noise of 0.1 to 0.3 mm along the ray, shorter along the normal.
+            // Noise of 0.1 to 0.3 mm along the ray, less along the normal.
             assert!(rms > 0.0001 && rms < 0.0003, "{rms}");
             assert!(worst < 0.002, "{worst}");
         }
@@ -118,14 +118,14 @@ fn recorded_points_lie_on_the_scene_when_truth_places_them() {
 }
 
 #[test]
-fn every_board_is_scanned_twice_in_different_headings_in_every_drive() {
+fn every_drive_scans_every_board_twice_at_different_headings() {
     let scenario = small();
     let scene = Scene::new(&scenario);
     for index in 0..3 {
         let drive = Drive::new(&scenario, &scene, index, 0.0);
         let profiler = Profiler::new(&scenario, &scene, &drive, index);
         for board in 0..scene.boards.len() {
-            // Times at which either scanner sees the board, gathered into passes.
+            // Times at which either scanner sees the board, grouped into passes.
             let mut passes: Vec<(Vec<f64>, [f64; 4])> = Vec::new();
             let mut last = f64::NEG_INFINITY;
             for k in 0..profiler.count() {
@@ -181,7 +181,7 @@ fn every_board_is_scanned_twice_in_different_headings_in_every_drive() {
 }
 
 #[test]
-fn the_boards_are_covered_at_five_millimetres_by_the_demo() {
+fn the_demo_covers_the_boards_at_five_millimetres() {
     let scenario = Scenario::demo();
     let scene = Scene::new(&scenario);
     let drive = Drive::new(&scenario, &scene, 0, 0.0);
@@ -208,7 +208,7 @@ fn the_boards_are_covered_at_five_millimetres_by_the_demo() {
 }
 
 #[test]
-fn the_project_says_what_a_user_knows_and_no_more() {
+fn the_project_holds_what_a_user_knows_and_not_the_truth() {
     let folder = tempfile::tempdir().unwrap();
     simulate(&small(), folder.path(), &Silent).unwrap();
     let read = |name: &str| -> toml::Table {
@@ -260,7 +260,7 @@ fn the_project_says_what_a_user_knows_and_no_more() {
 }
 
 #[test]
-fn a_scenario_may_name_only_what_differs_and_nothing_unknown() {
+fn a_scenario_may_give_only_what_differs_and_no_unknown_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mine.toml");
     let load = |text: &str| {
@@ -304,10 +304,10 @@ fn a_scenario_may_name_only_what_differs_and_nothing_unknown() {
     assert_eq!(Scenario::load("full").unwrap().profiles.width, 1920);
 }
 
-/// Sizes and times of the demo; writes 120 MB.
+/// Prints how large the files of the demo are and how long they take; writes 120 MB.
 #[test]
 #[ignore = "just acceptance"]
-fn the_demo_takes_seconds() {
+fn the_demo_holds_enough_points() {
     let folder = tempfile::tempdir().unwrap();
     let started = std::time::Instant::now();
     let files = simulate(&Scenario::demo(), folder.path(), &Silent).unwrap();
@@ -327,7 +327,7 @@ fn the_demo_takes_seconds() {
 /// The paper's rates over one board; writes half a gigabyte.
 #[test]
 #[ignore = "just acceptance"]
-fn full_rates_over_one_board() {
+fn about_half_the_rays_return_at_full_rates_over_one_board() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::full();
     scenario.drives.truncate(1);

@@ -1,5 +1,5 @@
-//! Constants estimated beside the poses: found where the drive determines them, named as
-//! undetermined where it does not.
+//! Constants estimated together with the poses: recovered where the drive determines them, reported
+//! as undetermined where it does not.
 
 use super::rover::{rover_drive, simulated};
 use super::{Logs, difference, rms};
@@ -10,19 +10,19 @@ use boresight::simulation::{Drive, Scenario, Scene};
 use boresight::trajectory::Constant;
 use boresight::trajectory::{Estimate, EstimatedConstant};
 
-/// Of some tens of draws, none is further off than this in one of a few hundred runs.
+/// The largest of some tens of normalised errors exceeds this in one of a few hundred runs.
 const TENS_OF_DRAWS: f64 = 4.0;
 
-fn constant<'a>(found: &'a Estimate, name: &str) -> &'a EstimatedConstant {
-    let all = &found.solution.constants;
+fn estimated<'a>(estimate: &'a Estimate, name: &str) -> &'a EstimatedConstant {
+    let all = &estimate.solution.constants;
     all.iter()
         .find(|c| c.name == name)
         .unwrap_or_else(|| panic!("{name} in {all:?}"))
 }
 
-/// The error in standard deviations of a constant that must be determined, with its sigma.
-fn normalised(found: &Estimate, name: &str, truth: f64) -> (f64, f64) {
-    let c = constant(found, name);
+/// The error of a constant in standard deviations, and its sigma; fails if it is undetermined.
+fn normalised(estimate: &Estimate, name: &str, truth: f64) -> (f64, f64) {
+    let c = estimated(estimate, name);
     let sigma = c.sigma.unwrap_or_else(|| panic!("{c:?}"));
     println!(
         "{name}: {:.6} {}, truth {truth:.6}, sigma {sigma:.1e}, {:+.2} sigma",
@@ -34,7 +34,7 @@ fn normalised(found: &Estimate, name: &str, truth: f64) -> (f64, f64) {
 }
 
 #[test]
-fn constants_that_the_motion_determines_are_found() {
+fn constants_that_the_motion_determines_are_recovered() {
     let (latency_s, offset_rad, gravity_off) = (0.08, 0.03, -0.05);
     let arm_off = Vec3::new(0.05, 0.03, -0.04);
     for seed in 60..64 {
@@ -57,9 +57,9 @@ fn constants_that_the_motion_determines_are_found() {
             Constant::HeadingOffset,
             Constant::Gravity,
         ];
-        let found = logs.estimate();
-        assert!(found.solution.converged, "{}", found.solution);
-        // The sigma must be small beside what it was off by, or nothing was found.
+        let estimate = logs.estimate();
+        assert!(estimate.solution.converged, "{}", estimate.solution);
+        // The sigma must be small compared with the error put in, or nothing was recovered.
         for (name, truth, off) in [
             ("prism.time_offset", -latency_s, latency_s),
             ("prism.lever_arm.x", arm.x, arm_off.x),
@@ -68,7 +68,7 @@ fn constants_that_the_motion_determines_are_found() {
             ("heading.mounting_offset", offset_rad, offset_rad),
             ("frame.gravity", gravity.x, gravity_off),
         ] {
-            let (error, sigma) = normalised(&found, name, truth);
+            let (error, sigma) = normalised(&estimate, name, truth);
             assert!(error.abs() < TENS_OF_DRAWS, "{name}: {error}");
             assert!(sigma < off.abs() / 2.0, "{name}: {sigma}");
         }
@@ -76,10 +76,10 @@ fn constants_that_the_motion_determines_are_found() {
 }
 
 #[test]
-fn the_scale_of_the_imu_noise_is_found() {
+fn the_scale_of_the_imu_noise_is_recovered() {
     for scale in [1.0, 3.0] {
         let (mut logs, _) = rover_drive(70);
-        // The noise is `scale` times what the settings say.
+        // The noise is `scale` times that of the settings.
         logs.settings.imu.gyro_density /= scale;
         logs.settings.imu.accel_density /= scale;
         logs.settings.estimate = vec![Constant::ImuNoiseScale];
@@ -89,17 +89,18 @@ fn the_scale_of_the_imu_noise_is_found() {
     }
 }
 
-/// The constant is named as undetermined and the poses are those without it.
-fn undetermined(logs: &mut Logs, what: Constant, name: &str, project: f64) {
+/// The constant is reported as undetermined and keeps the project's value, and the poses are those
+/// estimated without it.
+fn assert_undetermined(logs: &mut Logs, constant: Constant, name: &str, project: f64) {
     logs.settings.estimate = Vec::new();
     let plain = logs.estimate();
-    logs.settings.estimate = vec![what];
-    let found = logs.estimate();
-    let c = constant(&found, name);
+    logs.settings.estimate = vec![constant];
+    let estimate = logs.estimate();
+    let c = estimated(&estimate, name);
     println!("{c:?}");
     assert_eq!(c.sigma, None);
     assert_eq!(c.value, project);
-    let (apart, _) = difference(&plain.trajectory, &found.trajectory);
+    let (apart, _) = difference(&plain.trajectory, &estimate.trajectory);
     println!("poses apart by {apart:.1e} m");
     assert!(apart < 1e-6, "{apart}");
 }
@@ -109,7 +110,7 @@ fn a_heading_offset_without_headings_is_not_invented() {
     let (mut logs, _) = rover_drive(71);
     logs.heading.clear();
     logs.settings.heading.mounting_offset_rad = 0.02;
-    undetermined(
+    assert_undetermined(
         &mut logs,
         Constant::HeadingOffset,
         "heading.mounting_offset",
@@ -124,11 +125,11 @@ fn a_time_offset_of_a_body_at_rest_is_not_invented() {
         (Vec3::new(1.0, 2.0, 0.1), attitude)
     };
     let (mut logs, _) = simulated(72, at_rest, 1500);
-    undetermined(&mut logs, Constant::TimeOffset(0), "prism.time_offset", 0.0);
+    assert_undetermined(&mut logs, Constant::TimeOffset(0), "prism.time_offset", 0.0);
 }
 
 #[test]
-fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
+fn the_error_of_a_prism_that_turns_with_the_incidence_is_recovered() {
     const AMPLITUDE_M: f64 = 0.003;
     let mut scenario = Scenario::demo();
     scenario.seed = 73;
@@ -136,14 +137,14 @@ fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
     let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
     let (mut logs, truth) = twin(&scenario, &drive, 0);
     logs.settings.positions[0].station_m = Some(scenario.prism.station_m.into());
-    let rmse_m = |found: &Estimate| {
-        let nodes = found.trajectory.poses().iter().zip(&truth);
+    let rmse_m = |estimate: &Estimate| {
+        let nodes = estimate.trajectory.poses().iter().zip(&truth);
         rms(nodes.map(|(n, (p, _))| (n.world_from_body.translation_m - p).norm()))
     };
     let without_m = rmse_m(&logs.estimate());
     logs.settings.estimate = vec![Constant::IncidenceBias(0)];
-    let found = logs.estimate();
-    let with_m = rmse_m(&found);
+    let estimate = logs.estimate();
+    let with_m = rmse_m(&estimate);
     println!(
         "{:.3} mm without the bias estimated, {:.3} mm with",
         without_m * 1e3,
@@ -157,7 +158,7 @@ fn the_error_of_a_prism_that_turns_with_the_incidence_is_found() {
         ("up_cos", 0.0),
         ("up_sin", 0.0),
     ] {
-        let (error, sigma) = normalised(&found, &format!("prism.incidence_bias.{name}"), truth);
+        let (error, sigma) = normalised(&estimate, &format!("prism.incidence_bias.{name}"), truth);
         assert!(error.abs() < TENS_OF_DRAWS, "{name}: {error}");
         assert!(sigma < AMPLITUDE_M / 4.0, "{name}: {sigma}");
     }

@@ -1,4 +1,4 @@
-//! Mistakes in the constants of a project, made on simulated drives: what the drive says of them.
+//! Mistakes in the constants of a project, found from the logs of simulated drives.
 
 use std::time::Instant;
 
@@ -45,7 +45,7 @@ type Mistake = (
     &'static str,
 );
 
-/// Each with the constants that it is about and what it is likely to be.
+/// Each with the constants it concerns and the likely cause that is named.
 const MISTAKES: [Mistake; 12] = [
     (
         "lever arm, signs of x and y",
@@ -135,14 +135,14 @@ fn mistakes_in_constants_are_named() {
         let mut logs = clean.clone();
         make(&mut logs);
         let begun = Instant::now();
-        let found = doubted(&logs);
-        let mut names: Vec<String> = found.iter().map(|doubt| doubt.name.clone()).collect();
+        let doubts = doubted(&logs);
+        let mut names: Vec<String> = doubts.iter().map(|doubt| doubt.name.clone()).collect();
         println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
-        found
+        doubts
             .iter()
             .for_each(|doubt| println!("    {}", doubt.describe()));
         names.sort();
-        let text: String = found.iter().map(Doubt::describe).collect();
+        let text: String = doubts.iter().map(Doubt::describe).collect();
         if names != expected || !text.contains(likely) {
             failed.push(format!("{what}: {names:?}"));
         }
@@ -153,13 +153,13 @@ fn mistakes_in_constants_are_named() {
 #[test]
 fn clean_drives_raise_no_doubts() {
     for seed in 1..=8 {
-        let found = doubted(&drive(seed, |scenario| {
-            // Drives differ in how noisy their sensors are, as their settings know.
+        let doubts = doubted(&drive(seed, |scenario| {
+            // The sensors differ in noise from drive to drive, and the settings state it.
             let factor = [0.5, 1.0, 2.0, 4.0][seed as usize % 4];
             scenario.imu.gyro_noise_deg_sqrt_h *= factor;
             scenario.imu.accel_noise_ug_sqrt_hz *= factor;
             scenario.heading.sigma_deg *= factor.min(2.0);
         }));
-        assert!(found.is_empty(), "seed {seed}: {found:?}");
+        assert!(doubts.is_empty(), "seed {seed}: {doubts:?}");
     }
 }

@@ -1,6 +1,5 @@
-//! What goes wrong in the field, one fault at a time and all together: the poses that a fault does
-//! not touch stay as good, those that it touches say how good they are, and what was rejected is
-//! named.
+//! Faults met in the field, one at a time and all together: poses that a fault does not affect stay
+//! as accurate, those that it affects have honest standard deviations, and rejected records are named.
 
 use super::faulty::{Faulty, Marked, judge};
 use super::rover::{simulated, slow_rover};
@@ -57,37 +56,37 @@ const FAULTS: [Fault; 22] = [
     ("all", all_faults),
 ];
 
-/// One normalised error of three coordinates passes this in 1 of 1000 draws.
+/// The normalised error of three coordinates exceeds this in 1 of 1000 draws.
 const ONE_DRAW: f64 = 4.03;
 
-/// The largest of some hundred independent ones, as many as fixes and their neighbours make.
+/// The largest of some hundred independent errors stays below this; a drive has about as many.
 const HUNDREDS_OF_DRAWS: f64 = 5.0;
 
-fn holds(name: &str, fault: fn(&mut Faulty), seed: u64) {
+fn assert_survived(name: &str, fault: fn(&mut Faulty), seed: u64) {
     let (clean, _) = simulated(seed, slow_rover, 6000);
     let mut faulty = Faulty::new(&clean, seed);
     fault(&mut faulty);
     let before_mm = judge(&faulty, &clean.estimate(), &slow_rover).rmse_mm;
-    let found = faulty.logs(&clean).estimate();
-    let o = judge(&faulty, &found, &slow_rover);
+    let estimate = faulty.logs(&clean).estimate();
+    let o = judge(&faulty, &estimate, &slow_rover);
     println!(
-        "{name}, seed {seed}: {before_mm:.2} mm without, {:.2} mm with; worst {:.2} where touched, \
+        "{name}, seed {seed}: {before_mm:.2} mm without, {:.2} mm with; worst {:.2} where affected, \
          {:.2} elsewhere, tilt {:.2}, yaw {:.2}; {} good of {} rejected",
         o.rmse_mm, o.worst[0], o.worst[1], o.worst_tilt, o.worst_yaw, o.wrongly, o.good
     );
-    assert!(found.solution.converged, "{name}: {}", found.solution);
+    assert!(estimate.solution.converged, "{name}: {}", estimate.solution);
     assert!(o.rmse_mm <= 1.2 * before_mm, "{name}: {o:?}");
-    // An outage or a gap is few draws, all else is many.
+    // The errors within an outage or a gap are few draws, those elsewhere many.
     assert!(o.worst[0] < ONE_DRAW, "{name}: {o:?}");
     assert!(o.worst[1] < HUNDREDS_OF_DRAWS, "{name}: {o:?}");
     assert!(o.missed.is_empty(), "{name}: {o:?}");
     assert!(o.wrongly * 200 <= o.good, "{name}: {o:?}");
-    // The first stamp of a stream may be early unseen.
+    // If the first stamp of a stream is early, nothing shows it.
     assert!(o.stamps[0].abs_diff(o.stamps[1]) <= 1, "{name}: {o:?}");
 }
 
-/// Of the values of a log, of a log that is missing, and of clocks.
-const OF_EACH_KIND: [&str; 4] = [
+/// Faults of values, of missing data and of clocks.
+const ONE_OF_EACH_KIND: [&str; 4] = [
     "outliers and lock lost",
     "heading flipped run",
     "IMU gap 3 s",
@@ -96,9 +95,9 @@ const OF_EACH_KIND: [&str; 4] = [
 
 #[test]
 fn a_fault_of_each_kind_is_survived_and_named() {
-    for chosen in OF_EACH_KIND {
+    for chosen in ONE_OF_EACH_KIND {
         let fault = FAULTS.iter().find(|(name, _)| *name == chosen);
-        holds(chosen, fault.expect("a fault").1, 0);
+        assert_survived(chosen, fault.expect("a fault").1, 0);
     }
 }
 
@@ -106,18 +105,18 @@ fn a_fault_of_each_kind_is_survived_and_named() {
 #[ignore = "just acceptance"]
 fn each_fault_is_survived_and_named() {
     for (name, fault) in FAULTS {
-        holds(name, fault, 0);
+        assert_survived(name, fault, 0);
     }
 }
 
 #[test]
 #[ignore = "just acceptance"]
 fn all_faults_together_are_survived_on_more_drives() {
-    (1..6).for_each(|seed| holds("all", all_faults, seed));
+    (1..6).for_each(|seed| assert_survived("all", all_faults, seed));
 }
 
 #[test]
-fn every_loss_runs_and_is_sane() {
+fn every_loss_bounds_the_effect_of_outliers_as_it_should() {
     for loss in [Loss::None, Loss::Huber, Loss::Cauchy, Loss::Truncated] {
         let (mut clean, _) = simulated(1, slow_rover, 6000);
         clean.settings.positions[0].loss = loss;
@@ -125,16 +124,16 @@ fn every_loss_runs_and_is_sane() {
         let mut faulty = Faulty::new(&clean, 1);
         let before_mm = judge(&faulty, &clean.estimate(), &slow_rover).rmse_mm;
         faulty.prism_outliers();
-        let found = faulty.logs(&clean).estimate();
-        let o = judge(&faulty, &found, &slow_rover);
+        let estimate = faulty.logs(&clean).estimate();
+        let o = judge(&faulty, &estimate, &slow_rover);
         println!(
             "{loss:?}: {before_mm:.2} mm, with outliers {:.2} mm",
             o.rmse_mm
         );
-        assert!(found.solution.converged);
+        assert!(estimate.solution.converged);
         assert!(before_mm < 3.0);
-        // One fix in ten half a metre off: squares follow them, robust losses by less, the
-        // truncated one not at all.
+        // One fix in ten is an outlier: squares follow them, robust losses follow them less, and the
+        // truncated loss not at all.
         let most = match loss {
             Loss::None => 1000.0,
             Loss::Huber => 100.0,
@@ -146,35 +145,35 @@ fn every_loss_runs_and_is_sane() {
 }
 
 #[test]
-fn garbage_is_estimated_or_refused_but_never_panics_or_hangs() {
+fn garbage_is_estimated_or_refused_without_a_panic_or_a_hang() {
     let (clean, _) = simulated(2, slow_rover, 1000);
     let begun = Instant::now();
     let (mut estimated, mut refused) = (0, 0);
     for seed in 0..16 {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut f = Faulty::new(&clean, seed);
-        spoil_anyhow(
+        corrupt(
             &mut f.imu,
             &mut random,
             |r| &mut r.time_s,
             |r, x| r.accel_m_s2.x = x,
         );
-        spoil_anyhow(
+        corrupt(
             &mut f.prism,
             &mut random,
             |r| &mut r.time_s,
             |r, x| r.position_m.y = x,
         );
-        spoil_anyhow(
+        corrupt(
             &mut f.heading,
             &mut random,
             |r| &mut r.time_s,
             |r, x| r.heading_rad = x,
         );
         match f.logs(&clean).try_estimate() {
-            Ok(found) => {
+            Ok(estimate) => {
                 estimated += 1;
-                let nodes = found.trajectory.poses();
+                let nodes = estimate.trajectory.poses();
                 assert!(nodes.iter().all(|n| n.time_s.is_finite()));
             }
             Err(error) => {
@@ -188,8 +187,8 @@ fn garbage_is_estimated_or_refused_but_never_panics_or_hangs() {
     assert!(estimated > 2 && refused > 2);
 }
 
-/// Cuts, shuffles, and sets times and values at random.
-fn spoil_anyhow<T: Copy>(
+/// Truncates, reorders, or sets times and values, at random.
+fn corrupt<T: Copy>(
     records: &mut Marked<T>,
     random: &mut ChaCha8Rng,
     time: fn(&mut T) -> &mut f64,

@@ -1,4 +1,4 @@
-//! Drives with faults put in, and what the estimate makes of them.
+//! Drives with faults put in, and a judgement of their estimates against the truth.
 
 use super::{Logs, Truth, rms};
 use crate::common::consistency::error;
@@ -11,13 +11,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 
-/// What was done to a record.
+/// Whether a fault was put into a record, and which.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mark {
     Good,
     /// Its value is off by this many standard deviations.
     Off(f64),
-    /// Its time stamp is wrong, or was there before.
+    /// Its time stamp is wrong or a repetition.
     Stamp,
 }
 
@@ -28,15 +28,15 @@ pub struct Faulty {
     pub imu: Marked<ImuSample>,
     pub prism: Marked<PositionFix>,
     pub heading: Marked<HeadingFix>,
-    /// Times that a fault leaves with less data, seconds from and to.
-    pub touched: Vec<(f64, f64)>,
+    /// Time spans that a fault leaves with less data, seconds.
+    pub affected: Vec<(f64, f64)>,
     pub random: ChaCha8Rng,
     pub sigma_m: f64,
     pub sigma_rad: f64,
     pub span_s: f64,
 }
 
-const AROUND_S: f64 = 2.0;
+const MARGIN_S: f64 = 2.0;
 
 impl Faulty {
     pub fn new(logs: &Logs, seed: u64) -> Self {
@@ -47,7 +47,7 @@ impl Faulty {
             imu: good(&logs.imu),
             prism: good(&logs.prism),
             heading: good(&logs.heading),
-            touched: Vec::new(),
+            affected: Vec::new(),
             random: ChaCha8Rng::seed_from_u64(1000 + seed),
             sigma_m: logs.settings.positions[0].sigma_m.x,
             sigma_rad: logs.settings.heading.sigma_rad,
@@ -67,12 +67,12 @@ impl Faulty {
         }
     }
 
-    fn touch(&mut self, from_s: f64, to_s: f64) {
-        self.touched.push((from_s - AROUND_S, to_s + AROUND_S));
+    fn affect(&mut self, from_s: f64, to_s: f64) {
+        self.affected.push((from_s - MARGIN_S, to_s + MARGIN_S));
     }
 
-    fn is_touched(&self, time_s: f64) -> bool {
-        self.touched
+    fn is_affected(&self, time_s: f64) -> bool {
+        self.affected
             .iter()
             .any(|(from, to)| (*from..=*to).contains(&time_s))
     }
@@ -82,7 +82,7 @@ impl Faulty {
         self.prism_outliers_up_to(3.0);
     }
 
-    /// One prism fix in ten off by 3 cm to this in any direction.
+    /// One prism fix in ten off by 3 cm to `most_m` in any direction.
     pub fn prism_outliers_up_to(&mut self, most_m: f64) {
         for i in 0..self.prism.len() {
             if self.random.random::<f64>() < 0.1 {
@@ -99,14 +99,14 @@ impl Faulty {
         self.prism[i].1 = Mark::Off(by.norm() / self.sigma_m);
     }
 
-    /// The total station follows another prism, 0.7 m beside, for 5 s.
+    /// The total station follows another prism, 0.7 m away, for 5 s.
     pub fn wrong_target(&mut self) {
         for i in 0..self.prism.len() {
             if (20.0..25.0).contains(&self.prism[i].0.time_s) {
                 self.displace(i, Vec3::new(0.5, -0.4, 0.29));
             }
         }
-        self.touch(20.0, 25.0);
+        self.affect(20.0, 25.0);
     }
 
     pub fn lock_lost(&mut self) {
@@ -115,17 +115,17 @@ impl Faulty {
 
     pub fn lock_lost_between(&mut self, from_s: f64, to_s: f64) {
         self.prism.retain(|f| !(from_s..to_s).contains(&f.0.time_s));
-        self.touch(from_s, to_s);
+        self.affect(from_s, to_s);
     }
 
     pub fn imu_gap(&mut self, from_s: f64, to_s: f64) {
         self.imu.retain(|s| !(from_s..to_s).contains(&s.0.time_s));
-        self.touch(from_s, to_s);
+        self.affect(from_s, to_s);
     }
 
-    /// In every stream one record in a hundred comes twice and one is stamped up to 3 s early.
+    /// In every stream one record in a hundred is repeated and one is stamped up to 3 s early.
     pub fn stamps(&mut self) {
-        fn spoil<T: Copy>(
+        fn corrupt<T: Copy>(
             records: &mut Marked<T>,
             random: &mut ChaCha8Rng,
             time: fn(&mut T) -> &mut f64,
@@ -144,9 +144,9 @@ impl Faulty {
             }
             *records = all;
         }
-        spoil(&mut self.imu, &mut self.random, |r| &mut r.time_s);
-        spoil(&mut self.prism, &mut self.random, |r| &mut r.time_s);
-        spoil(&mut self.heading, &mut self.random, |r| &mut r.time_s);
+        corrupt(&mut self.imu, &mut self.random, |r| &mut r.time_s);
+        corrupt(&mut self.prism, &mut self.random, |r| &mut r.time_s);
+        corrupt(&mut self.heading, &mut self.random, |r| &mut r.time_s);
     }
 
     fn flip(&mut self, i: usize) {
@@ -181,7 +181,7 @@ impl Faulty {
         for fix in self.prism.iter_mut().filter(|f| f.0.time_s > at) {
             fix.0.time_s += by_s;
         }
-        self.touch(at, at);
+        self.affect(at, at);
     }
 
     pub fn heading_jump(&mut self, share: f64, by_s: f64) {
@@ -196,48 +196,50 @@ impl Faulty {
         for sample in self.imu.iter_mut().filter(|f| f.0.time_s > at) {
             sample.0.time_s += by_s;
         }
-        self.touch(at, at);
+        self.affect(at, at);
     }
 }
 
-/// What came of a drive.
+/// How an estimate compares with the truth and with the faults put in.
 #[derive(Debug)]
 pub struct Outcome {
     pub rmse_mm: f64,
-    /// Largest normalised position error in the time touched and in the rest.
+    /// Largest normalised position error within the affected time spans and outside.
     pub worst: [f64; 2],
-    /// Largest normalised tilt and yaw error.
+    /// Largest normalised tilt and yaw errors.
     pub worst_tilt: f64,
     pub worst_yaw: f64,
-    /// Fixes and headings with a wrong value, and which of them, plain to see, are not rejected:
-    /// time and size in sigmas.
+    /// Number of fixes and headings with a wrong value.
     pub injected: usize,
+    /// Time and size in sigmas of those that are large enough to see but were not rejected.
     pub missed: Vec<(f64, f64)>,
+    /// Number of good records that were rejected.
     pub wrongly: usize,
     pub good: usize,
+    /// Number of records rejected for their time order, and of those with a wrong stamp.
     pub stamps: [usize; 2],
 }
 
-pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outcome {
+pub fn judge(f: &Faulty, estimate: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outcome {
     let mut errors = Vec::new();
     let mut worst = [0.0f64; 2];
     let (mut worst_tilt, mut worst_yaw) = (0.0f64, 0.0f64);
-    for node in found.trajectory.poses() {
+    for node in estimate.trajectory.poses() {
         let sigma = node.sigma.expect("sigma");
         let (miss, turn) = error(&node.world_from_body, &truth(node.time_s));
-        let touched = f.is_touched(node.time_s);
-        if !touched {
+        let affected = f.is_affected(node.time_s);
+        if !affected {
             errors.push(miss.norm());
         }
         let normalised = miss.component_div(&sigma.position_m).norm();
-        let place = usize::from(!touched);
+        let place = usize::from(!affected);
         worst[place] = worst[place].max(normalised);
         let turn = turn.component_div(&sigma.rotation_rad);
         worst_tilt = worst_tilt.max(turn.xy().norm());
         worst_yaw = worst_yaw.max(turn.z.abs());
     }
     let rejected = |sensor: &str, record: usize, reason: Option<RejectionReason>| {
-        found.solution.rejections.iter().any(|r| {
+        estimate.solution.rejections.iter().any(|r| {
             r.sensor == sensor && r.record == record + 1 && reason.is_none_or(|x| r.reason == x)
         })
     };
@@ -248,7 +250,7 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
             match mark {
                 Mark::Off(sigmas) => {
                     injected += 1;
-                    let local = found
+                    let local = estimate
                         .trajectory
                         .poses()
                         .iter()
@@ -259,9 +261,9 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
                         })
                         .and_then(|n| n.sigma)
                         .map_or(0.0, |s| s.position_m.norm());
-                    let seen = 6.0 * (1.0 + if sigma_m > 0.0 { local / sigma_m } else { 0.0 });
-                    // Of a record logged twice, one is out of time order.
-                    if sigmas > seen && !rejected(sensor, i, None) {
+                    let visible = 6.0 * (1.0 + if sigma_m > 0.0 { local / sigma_m } else { 0.0 });
+                    // A record logged twice is out of time order once.
+                    if sigmas > visible && !rejected(sensor, i, None) {
                         missed.push((time_s, sigmas));
                     }
                 }
@@ -283,11 +285,11 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
         &mut f.heading.iter().map(|r| (r.0.time_s, r.1)),
         0.0,
     );
-    fn spoilt<T: Timed>(records: &Marked<T>) -> usize {
+    fn wrong_stamps<T: Timed>(records: &Marked<T>) -> usize {
         records.iter().filter(|r| r.1 == Mark::Stamp).count()
     }
-    let spoilt_stamps = spoilt(&f.imu) + spoilt(&f.prism) + spoilt(&f.heading);
-    let named = found
+    let wrong = wrong_stamps(&f.imu) + wrong_stamps(&f.prism) + wrong_stamps(&f.heading);
+    let named = estimate
         .solution
         .rejections
         .iter()
@@ -302,6 +304,6 @@ pub fn judge(f: &Faulty, found: &Estimate, truth: &dyn Fn(f64) -> Truth) -> Outc
         missed,
         wrongly,
         good,
-        stamps: [named, spoilt_stamps],
+        stamps: [named, wrong],
     }
 }

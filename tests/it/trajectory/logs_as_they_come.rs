@@ -1,5 +1,5 @@
-//! Logs with flaws, other axes, outages, no headings: estimated where possible, refused clearly
-//! where not.
+//! Logs with flaws, with other axes, with outages or without headings: estimated where possible, and
+//! refused with a clear message where not.
 
 use super::rover::rover_drive;
 use super::{Logs, rms};
@@ -17,7 +17,7 @@ fn assert_names(logs: &Logs, words: &[&str]) {
 }
 
 #[test]
-fn flaws_are_named_with_place_and_size() {
+fn flaws_are_reported_with_their_place_and_size() {
     let good = || rover_drive(1).0;
     let mut logs = good();
     logs.imu[41].accel_m_s2.y = f64::NAN;
@@ -58,7 +58,7 @@ fn flaws_are_named_with_place_and_size() {
 }
 
 #[test]
-fn a_standing_body_without_headings_is_refused() {
+fn a_body_at_rest_without_headings_is_refused() {
     let mut logs = rover_drive(1).0;
     logs.heading.clear();
     logs.prism.retain(|f| f.time_s < 3.0);
@@ -69,20 +69,20 @@ fn a_standing_body_without_headings_is_refused() {
 }
 
 #[test]
-fn fixes_outside_the_imu_are_ignored_and_counted() {
+fn fixes_outside_the_time_span_of_the_imu_are_ignored_and_counted() {
     let (mut logs, _) = rover_drive(1);
     logs.imu.drain(..500);
     let before = logs.prism.iter().filter(|f| f.time_s < 10.0).count();
-    let found = logs.estimate();
-    assert!(found.solution.converged);
-    let prism = found.solution.sensor("prism").expect("a prism");
+    let estimate = logs.estimate();
+    assert!(estimate.solution.converged);
+    let prism = estimate.solution.sensor("prism").expect("a prism");
     assert_eq!(prism.ignored, before);
     assert_eq!(prism.count, logs.prism.len() - before);
-    assert_eq!(found.trajectory.poses().len(), logs.imu.len() + 1);
+    assert_eq!(estimate.trajectory.poses().len(), logs.imu.len() + 1);
 }
 
 #[test]
-fn axes_down_and_right_give_the_same_trajectory() {
+fn frd_axes_give_the_same_trajectory_as_flu_axes() {
     let (flu, _) = rover_drive(2);
     let (mut frd, _) = rover_drive(2);
     let swap = |v: Vec3| Vec3::new(v.x, -v.y, -v.z);
@@ -96,7 +96,7 @@ fn axes_down_and_right_give_the_same_trajectory() {
     let (a, b) = (flu.estimate(), frd.estimate());
     for (a, b) in a.trajectory.poses().iter().zip(b.trajectory.poses()) {
         let (a, b) = (a.world_from_body, b.world_from_body);
-        // Both stop within a few percent of a standard deviation (1 mm, 1e-3 rad) of the minimum.
+        // Both end within a few percent of a standard deviation (1 mm, 1e-3 rad) of the minimum.
         assert!((a.translation_m - b.translation_m).norm() < 2e-5);
         assert!((a.rotation * flu_from_frd).angle_to(&b.rotation) < 2e-6);
     }
@@ -106,9 +106,9 @@ fn axes_down_and_right_give_the_same_trajectory() {
 fn an_outage_of_the_prism_is_bridged_and_its_sigma_grows() {
     let (mut logs, truth) = rover_drive(3);
     logs.prism.retain(|f| !(20.0..30.0).contains(&f.time_s));
-    let found = logs.estimate();
-    assert!(found.solution.converged);
-    let nodes = found.trajectory.poses();
+    let estimate = logs.estimate();
+    assert!(estimate.solution.converged);
+    let nodes = estimate.trajectory.poses();
     let sigma = |time_s: f64| {
         nodes[(time_s / 0.02) as usize]
             .sigma
@@ -121,18 +121,18 @@ fn an_outage_of_the_prism_is_bridged_and_its_sigma_grows() {
         miss.component_div(&nodes[i].sigma.expect("sigma").position_m)
             .norm()
     });
-    // Three coordinates: root mean square √3 where the sigmas are right; within one outage the
-    // errors are nearly one draw, so up to the 99.9 % point of one (4.03).
+    // Three coordinates: the root mean square is √3 where the sigmas are right, but the errors within
+    // one outage are nearly a single draw, whose 99.9 % point is 4.03.
     assert!(rms(normalised) < 4.03);
 }
 
 #[test]
-fn without_headings_the_motion_finds_the_yaw_as_well_as_it_says() {
+fn without_headings_the_motion_determines_the_yaw_within_its_sigma() {
     let (mut logs, truth) = rover_drive(4);
     logs.heading.clear();
-    let found = logs.estimate();
+    let estimate = logs.estimate();
     let mut worst = 0.0f64;
-    for (node, (_, r)) in found.trajectory.poses().iter().zip(&truth).step_by(100) {
+    for (node, (_, r)) in estimate.trajectory.poses().iter().zip(&truth).step_by(100) {
         let miss = (node.world_from_body.rotation * r.inverse())
             .scaled_axis()
             .z
@@ -143,15 +143,15 @@ fn without_headings_the_motion_finds_the_yaw_as_well_as_it_says() {
     }
     println!(
         "without headings: {}, worst yaw {worst:.2} sigma",
-        found.solution
+        estimate.solution
     );
-    assert!(found.solution.converged);
-    // 61 correlated errors: 3.5 sigma is passed once in 35 drives if all were independent.
+    assert!(estimate.solution.converged);
+    // Were the 61 errors independent, one drive in 35 would exceed 3.5 sigma; they are correlated.
     assert!(worst < 3.5, "{worst}");
 }
 
 #[test]
-fn the_same_logs_give_the_same_bits_with_one_thread_and_two() {
+fn one_thread_and_two_give_the_same_bits() {
     let (logs, _) = rover_drive(5);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()

@@ -1,4 +1,4 @@
-//! The trajectory stage against simulated drives with truth and a recorded flight with reference.
+//! The trajectory stage on simulated drives with ground truth and on a recorded flight with a reference.
 
 mod constants;
 mod doubts;
@@ -23,7 +23,7 @@ fn vec3(row: &[f64], first: usize) -> Vec3 {
     Vec3::new(row[first], row[first + 1], row[first + 2])
 }
 
-/// Quaternion from w, x, y, z.
+/// Quaternion in the order w, x, y, z.
 fn quaternion(row: &[f64], w: usize) -> Rotation {
     Rotation::from_quaternion(Quaternion::new(row[w], row[w + 1], row[w + 2], row[w + 3]))
 }
@@ -33,7 +33,7 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
     values[((values.len() - 1) as f64 * q).round() as usize]
 }
 
-/// Largest differences of position (m) and attitude (rad) of poses at the same times.
+/// Largest differences in position (m) and attitude (rad) between poses at the same times.
 fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
     let mut largest = (0.0f64, 0.0f64);
     for (a, b) in a.poses().iter().zip(b.poses()) {
@@ -51,7 +51,7 @@ fn difference(a: &Trajectory, b: &Trajectory) -> (f64, f64) {
     largest
 }
 
-/// Largest difference of the standard deviations of poses at the same times, as a share of them.
+/// Largest relative difference between the standard deviations of poses at the same times.
 fn difference_of_sigmas(a: &Trajectory, b: &Trajectory) -> f64 {
     let nodes = a.poses().iter().zip(b.poses());
     nodes

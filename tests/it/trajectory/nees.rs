@@ -1,5 +1,5 @@
-//! A small sample of many simulated drives: are the errors as large as the covariances say, with
-//! the correlations of the components?
+//! Normalised estimation errors squared over a few simulated drives, which judge the covariances
+//! together with the correlations of their components.
 
 use crate::common::consistency::{EPOCHS, band, squares_at_epochs, twin};
 use boresight::simulation::{Drive, Scenario, Scene};
@@ -7,7 +7,7 @@ use boresight::simulation::{Drive, Scenario, Scene};
 const DRIVES: usize = 8;
 
 #[test]
-fn normalised_squared_errors_are_as_many_as_the_degrees_of_freedom() {
+fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
     let mut scenario = Scenario::demo();
     let scene = Scene::new(&scenario);
     let paths: Vec<Drive> = (0..scenario.drives.len())
@@ -18,8 +18,8 @@ fn normalised_squared_errors_are_as_many_as_the_degrees_of_freedom() {
         let index = seed % paths.len();
         scenario.seed = 900 + seed as u64;
         let (logs, truth) = twin(&scenario, &paths[index], index);
-        let found = logs.estimate();
-        for squares in squares_at_epochs(&found, &truth).expect("covariances") {
+        let estimate = logs.estimate();
+        for squares in squares_at_epochs(&estimate, &truth).expect("covariances") {
             for (mean, square) in means.iter_mut().zip(squares) {
                 *mean += square / (DRIVES * EPOCHS) as f64;
             }
@@ -29,9 +29,9 @@ fn normalised_squared_errors_are_as_many_as_the_degrees_of_freedom() {
         .iter()
         .zip(means)
     {
-        // The errors of yaw and tilt at the epochs of one drive hang together, so that the mean
-        // over them may scatter as one draw does: no fewer than the drives are independent.
-        // 99.9 % lie inside the band.
+        // The errors of yaw and tilt at the epochs of one drive are correlated, so that their mean may
+        // scatter like a single draw: at least as many are independent as there are drives. 99.9 % lie
+        // within the band.
         let [low, high] = band(*degrees, DRIVES as f64, 3.29);
         println!("{name}: mean {mean:.3} of {degrees}, band {low:.2} to {high:.2}");
         assert!((low..=high).contains(&mean), "{name}: {mean}");

@@ -1,4 +1,4 @@
-//! The online smoother: against the batch, against truth, and on logs as they come.
+//! The online smoother compared with the batch and with truth, and on logs with flaws.
 
 use super::pose_case::{self, IMU_HZ, pose_case};
 use super::rover::rover_drive;
@@ -10,7 +10,7 @@ use boresight::trajectory::{
 };
 use std::time::Instant;
 
-/// Gives all records to the smoother in the order of their times, `late_s` after them.
+/// Gives all records to the smoother in the order of arrival, `late_s` after their times.
 fn replay_late(
     logs: &Logs,
     options: OnlineOptions,
@@ -63,7 +63,7 @@ fn replay(logs: &Logs, options: OnlineOptions) -> (Online, Vec<Update>) {
     (online, all)
 }
 
-fn finished_is_batch(logs: &Logs) {
+fn assert_finishes_like_batch(logs: &Logs) {
     let (online, updates) = replay(logs, OnlineOptions::default());
     let rejected: usize = updates.iter().map(|u| u.rejected.len()).sum();
     let batch = logs.estimate();
@@ -77,7 +77,7 @@ fn finished_is_batch(logs: &Logs) {
     let (position_m, rotation_rad) = difference(&trajectory, &batch.trajectory);
     println!(
         "finished against batch: {position_m:.1e} m, {rotation_rad:.1e} rad, {} iterations (batch \
-         {}), {} updates, {rejected} refused on the way",
+         {}), {} updates, {rejected} rejected on the way",
         solution.iterations,
         batch.solution.iterations,
         updates.len()
@@ -88,25 +88,25 @@ fn finished_is_batch(logs: &Logs) {
 }
 
 #[test]
-fn a_finished_rover_drive_is_that_of_the_batch() {
+fn a_finished_rover_drive_equals_the_batch() {
     for seed in 0..3 {
-        finished_is_batch(&rover_drive(seed).0);
+        assert_finishes_like_batch(&rover_drive(seed).0);
     }
 }
 
 #[test]
-fn a_finished_drive_of_five_minutes_is_that_of_the_batch() {
-    finished_is_batch(&pose_case());
+fn a_finished_drive_of_five_minutes_equals_the_batch() {
+    assert_finishes_like_batch(&pose_case());
 }
 
-/// Every node linearised anew at every update, through the whole drive: the incremental
-/// elimination itself must come to the solution of the batch.
+/// Relinearises every node at every update through the whole drive: then the incremental elimination
+/// itself must reach the solution of the batch.
 #[test]
-fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
+fn relinearising_every_node_at_every_update_gives_the_solution_of_the_batch() {
     let (mut logs, _) = rover_drive(1);
     logs.settings.zero_velocity = false;
-    // Both sum up the IMU about what they know of its biases at the time, the batch at its start:
-    // without biases that is the same.
+    // Online and batch preintegrate the IMU at different bias estimates: the current one, and that at
+    // the start. Without biases they are the same.
     let bias = logs.estimate().trajectory.poses()[1500]
         .bias
         .expect("a bias");
@@ -122,28 +122,28 @@ fn linearised_anew_at_every_update_the_chain_is_that_of_the_batch() {
     };
     let (mut online, updates) = replay(&logs, options);
     assert!(online.rejections().is_empty(), "{:?}", online.rejections());
-    // The last pose stands at the last fix, the others at samples.
+    // The last pose is at the time of the last fix, the others are at those of samples.
     let mut poses = online.full().expect("a trajectory").poses().to_vec();
     poses.pop();
-    let found = Trajectory::new(poses).expect("a trajectory");
-    // The batch of what the smoother has seen: to the last node.
+    let chain = Trajectory::new(poses).expect("a trajectory");
+    // The batch gets the records that the smoother has used, up to the last node.
     let newest_s = updates.last().expect("updates").pose.time_s;
     logs.prism.retain(|fix| fix.time_s <= newest_s);
     logs.heading.retain(|fix| fix.time_s <= newest_s);
     let batch = logs.estimate();
-    let (position_m, rotation_rad) = difference(&found, &batch.trajectory);
+    let (position_m, rotation_rad) = difference(&chain, &batch.trajectory);
     println!("chain against batch: {position_m:.1e} m, {rotation_rad:.1e} rad");
     assert!(position_m < 1e-6, "{position_m}");
     assert!(rotation_rad < 1e-6, "{rotation_rad}");
-    let sigma_ratio = difference_of_sigmas(&found, &batch.trajectory);
-    println!("sigmas differ by {sigma_ratio:.1e} of themselves");
+    let sigma_ratio = difference_of_sigmas(&chain, &batch.trajectory);
+    println!("relative difference of the sigmas {sigma_ratio:.1e}");
     assert!(sigma_ratio < 1e-3, "{sigma_ratio}");
 }
 
-/// The newest pose at every update against truth; gtsam's iSAM2 on the same logs comes to 4.25 mm,
-/// 0.105° of tilt and 0.082° of yaw.
+/// The newest pose at every update against truth; gtsam's iSAM2 reaches 4.25 mm, 0.105° of tilt and
+/// 0.082° of yaw on the same logs.
 #[test]
-fn newest_poses_are_better_than_those_of_isam2() {
+fn the_newest_poses_are_more_accurate_than_those_of_isam2() {
     let logs = pose_case();
     let mut times: Vec<f64> = Vec::new();
     let mut updates: Vec<Update> = Vec::new();
@@ -167,7 +167,7 @@ fn newest_poses_are_better_than_those_of_isam2() {
     let rejected: usize = updates.iter().map(|u| u.rejected.len()).sum();
     println!(
         "{} updates from {:.2} s: position {position_mm:.3} mm, tilt {tilt_deg:.4}°, yaw \
-         {yaw_deg:.4}°; {relinearised} nodes relinearised, {eliminated} fronts, {rejected} refused",
+         {yaw_deg:.4}°; {relinearised} nodes relinearised, {eliminated} fronts, {rejected} rejected",
         updates.len(),
         updates[0].pose.time_s,
     );
@@ -184,14 +184,14 @@ fn newest_poses_are_better_than_those_of_isam2() {
     assert!(position_mm <= 4.0, "{position_mm}");
     assert!(tilt_deg <= 0.08, "{tilt_deg}");
     assert!(yaw_deg <= 0.08, "{yaw_deg}");
-    // It starts within seconds, and misses no fix after.
+    // It starts within seconds, and skips no fix afterwards.
     assert!(updates[0].pose.time_s < 5.0);
     assert!(updates.len() as f64 > 0.99 * (300.0 - 5.0) / 0.14);
 }
 
-/// A drive with what a real one brings: everything late, heading more than the prism.
+/// As on a real drive, fixes and headings arrive late, headings later than the prism.
 #[test]
-fn records_that_come_late_are_taken_in() {
+fn records_that_arrive_late_are_used() {
     let (logs, truth) = rover_drive(2);
     let mut last = Vec::new();
     let online = replay_late(
@@ -217,9 +217,9 @@ fn records_that_come_late_are_taken_in() {
 }
 
 #[test]
-fn outliers_are_refused_and_named_and_a_lost_estimate_follows() {
+fn outliers_are_rejected_and_named_and_a_lasting_shift_is_followed() {
     let (mut logs, truth) = rover_drive(3);
-    // Single wrong targets, then from 30 s on another prism, a metre beside.
+    // Single wrong targets, then from 30 s on another prism, a metre away.
     let count = logs.prism.len();
     let wrong: Vec<usize> = (60..200).step_by(13).collect();
     for &k in &wrong {
@@ -242,9 +242,9 @@ fn outliers_are_refused_and_named_and_a_lost_estimate_follows() {
     assert_eq!(online.jumps().len(), 1, "{:?}", online.jumps());
     let jump_s = online.jumps()[0].time_s;
     assert!((30.5..33.0).contains(&jump_s), "{jump_s}");
-    let off = |update: &Update, beside: f64| {
+    let off = |update: &Update, shift_m: f64| {
         let k = (update.pose.time_s / 0.02).floor() as usize;
-        let p = truth[k].0 + boresight::geometry::Vec3::y() * beside;
+        let p = truth[k].0 + boresight::geometry::Vec3::y() * shift_m;
         (update.pose.world_from_body.translation_m - p).norm()
     };
     // Half a sample at less than a metre a second is 1 cm.
@@ -257,7 +257,7 @@ fn outliers_are_refused_and_named_and_a_lost_estimate_follows() {
         rms(before.map(|u| off(u, 0.0))),
     );
     println!(
-        "{} refused, jump at {jump_s:.2} s, {before:.4} m before, {after:.4} m after",
+        "{} rejected, jump at {jump_s:.2} s, {before:.4} m before, {after:.4} m after",
         online.rejections().len()
     );
     assert!(before < 0.03, "{before}");
@@ -265,14 +265,14 @@ fn outliers_are_refused_and_named_and_a_lost_estimate_follows() {
 }
 
 #[test]
-fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
+fn the_smoother_survives_outages_gaps_and_stamps_out_of_order() {
     let (mut logs, truth) = rover_drive(4);
     logs.prism.retain(|fix| !(20.0..40.0).contains(&fix.time_s));
     logs.heading
         .retain(|fix| !(25.0..35.0).contains(&fix.time_s));
     logs.imu
         .retain(|sample| !(45.0..45.3).contains(&sample.time_s));
-    // Stamps that leap ahead, back, and stand still.
+    // Stamps that jump ahead, jump back and repeat.
     logs.imu.insert(80, logs.imu[79]);
     logs.imu[80].time_s += 5000.0;
     logs.imu.insert(500, logs.imu[499]);
@@ -282,7 +282,7 @@ fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
     logs.imu.insert(900, duplicate);
     let fix = logs.prism[50];
     logs.prism.insert(60, fix);
-    // In the order of the log, not of its wrong stamps.
+    // Records are given in the order of the log, not of its wrong stamps.
     let mut online = Online::new(&logs.settings, OnlineOptions::default()).expect("settings");
     let mut updates = Vec::new();
     let (mut fixes, mut headings) = (logs.prism.iter().peekable(), logs.heading.iter().peekable());
@@ -317,7 +317,7 @@ fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
         assert!(named.contains(one), "{one:?} of {named:?}");
     }
     assert_eq!(named.len(), 5, "{named:?}");
-    // Through the outage a pose a second, with sigmas that grow and cover.
+    // Through the outage there is a pose a second, with sigmas that grow and cover the error.
     let outage: Vec<&Update> = updates
         .iter()
         .filter(|u| (21.5..39.5).contains(&u.pose.time_s))
@@ -331,22 +331,22 @@ fn outages_gaps_and_stamps_out_of_order_leave_it_running() {
     }
     let sigma = |u: &Update| u.pose.sigma.expect("sigma").position_m.norm();
     assert!(sigma(outage[outage.len() - 1]) > 10.0 * sigma(outage[0]));
-    // And after: millimetres again, and no jump.
+    // Afterwards the sigmas are millimetres again, and there is no jump.
     assert!(online.jumps().is_empty(), "{:?}", online.jumps());
     let last = updates.last().expect("updates");
     assert!(sigma(last) < 0.01);
-    let found = online.finish(&Silent).expect("a trajectory");
+    let finished = online.finish(&Silent).expect("a trajectory");
     let batch = logs.estimate();
-    let (position_m, rotation_rad) = difference(&found.trajectory, &batch.trajectory);
+    let (position_m, rotation_rad) = difference(&finished.trajectory, &batch.trajectory);
     println!("after outage and gap: {position_m:.1e} m, {rotation_rad:.1e} rad");
-    // In the outage the batch itself has converged to 5 % of a sigma of decimetres, and then one
-    // more step.
+    // In the outage, where the sigma is decimetres, the batch itself stops one step after it is within
+    // 5 % of a sigma.
     assert!(position_m < 1e-4, "{position_m}");
     assert!(rotation_rad < 1e-5, "{rotation_rad}");
 }
 
 #[test]
-fn what_makes_no_sense_is_an_error() {
+fn invalid_records_and_too_few_records_are_errors() {
     let (logs, _) = rover_drive(5);
     let mut online = Online::new(&logs.settings, OnlineOptions::default()).expect("settings");
     assert!(online.full().is_err());
@@ -358,16 +358,17 @@ fn what_makes_no_sense_is_an_error() {
         "{error}"
     );
     assert!(online.position(1, logs.prism[0]).is_err());
-    // Too little for a start: the end says why.
+    // One sample is too little for a start: `finish` is an error that says why.
     online.imu(logs.imu[0]).expect("a sample");
     assert!(online.finish(&Silent).is_err());
 }
 
-/// An hour: the cost of the last minute against that of the first. Other programs may share the
-/// machine, so that only what grows with the drive fails; `just acceptance online` prints it.
+/// The cost of the last minute of an hour against that of the first. The bound is loose because other
+/// programs may share the machine: only a cost that grows with the drive fails. `just acceptance
+/// online` prints the times.
 #[test]
 #[ignore = "just acceptance"]
-fn cost_is_flat_over_an_hour() {
+fn the_cost_of_an_update_does_not_grow_over_an_hour() {
     let logs = an_hour(&pose_case());
     let mut minutes: Vec<Vec<f64>> = vec![Vec::new(); 61];
     let mut all = Vec::new();
@@ -391,7 +392,8 @@ fn cost_is_flat_over_an_hour() {
     assert!(last < 3.0 * first);
 }
 
-/// The drive over and over, forth and back in time: velocities and rates change sign, forces stay.
+/// Repeats the drive forwards and backwards in time: backwards, velocities and rates change sign and
+/// forces stay.
 fn an_hour(once: &Logs) -> Logs {
     let span_s = once.imu.len() as f64 * 0.01;
     let count = (3600.0 / span_s).ceil() as usize;
@@ -414,7 +416,7 @@ fn an_hour(once: &Logs) -> Logs {
         let (mut imu, mut prism, mut heading) =
             (once.imu.clone(), once.prism.clone(), once.heading.clone());
         for sample in &mut imu {
-            // A sample stands at the begin of its interval.
+            // The time of a sample is the start of its interval.
             sample.time_s = place(sample.time_s + if back { 0.01 } else { 0.0 });
             if back {
                 sample.gyro_rad_s = -sample.gyro_rad_s;
@@ -435,7 +437,7 @@ fn an_hour(once: &Logs) -> Logs {
         logs.prism.extend(prism);
         logs.heading.extend(heading);
     }
-    // Where passes meet a fix stands twice.
+    // Where two passes meet, a fix occurs twice.
     logs.prism.dedup_by(|b, a| b.time_s - a.time_s < 0.01);
     logs.heading.dedup_by(|b, a| b.time_s - a.time_s < 0.01);
     logs

@@ -1,4 +1,4 @@
-//! `boresight trajectory --online`: replayed, followed while the logs grow, from standard input.
+//! `boresight trajectory --online` on complete logs, on logs that grow, and on standard input.
 
 use super::rover::rover_drive;
 use boresight::format;
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 const BOUND_M: f64 = 1e-6;
 
-/// A project of a simulated minute.
+/// Writes a project of a simulated minute.
 fn project(folder: &Path) -> super::Logs {
     let (logs, _) = rover_drive(1);
     format::write_imu(&folder.join("imu.csv"), &logs.imu).expect("written");
@@ -50,12 +50,12 @@ fn boresight(folder: &Path, out: &str, flags: &[&str]) -> Command {
 }
 
 fn text(output: &Output) -> String {
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
     String::from_utf8(output.stdout.clone()).expect("text")
 }
 
-/// Largest distance of poses at the same times.
+/// Largest distance between poses at the same times.
 fn apart_m(a: &[PoseRecord], b: &[PoseRecord]) -> f64 {
     assert_eq!(a.len(), b.len());
     let distances = a.iter().zip(b).map(|(a, b)| {
@@ -71,7 +71,7 @@ fn poses(folder: &Path, file: &str) -> Vec<PoseRecord> {
 }
 
 #[test]
-fn replayed_followed_and_piped_drives_are_the_same() {
+fn replayed_followed_and_piped_logs_give_the_same_trajectory() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let logs = project(folder);
@@ -89,12 +89,17 @@ fn replayed_followed_and_piped_drives_are_the_same() {
     assert_eq!(newest.len() as u64, updates);
     assert!(newest.iter().all(|pose| pose.sigma.is_some()));
 
-    piped(folder, &logs, &newest, &batch);
-    followed(folder, &newest, &batch);
+    assert_piped_is_the_same(folder, &logs, &newest, &batch);
+    assert_followed_is_the_same(folder, &newest, &batch);
 }
 
 /// The same records, merged, through standard input.
-fn piped(folder: &Path, logs: &super::Logs, newest: &[PoseRecord], batch: &[PoseRecord]) {
+fn assert_piped_is_the_same(
+    folder: &Path,
+    logs: &super::Logs,
+    newest: &[PoseRecord],
+    batch: &[PoseRecord],
+) {
     let mut lines: Vec<(f64, usize, String)> = Vec::new();
     for s in &logs.imu {
         let (w, a) = (s.gyro_rad_s, s.accel_m_s2);
@@ -157,15 +162,15 @@ fn piped(folder: &Path, logs: &super::Logs, newest: &[PoseRecord], batch: &[Pose
     drop(stdin);
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(1));
-    let told = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("stdin, line 2") && told.contains("`lidar`"),
-        "{told}"
+        stderr.contains("stdin, line 2") && stderr.contains("`lidar`"),
+        "{stderr}"
     );
 }
 
-/// The same logs, written while they are followed: in pieces that end inside lines.
-fn followed(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
+/// The same logs, followed while they are written in pieces that end inside lines.
+fn assert_followed_is_the_same(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
     let names = ["imu.csv", "prism.csv", "heading.csv"];
     let whole = names.map(|name| std::fs::read(folder.join(name)).expect("a log"));
     for (name, bytes) in names.iter().zip(&whole) {
@@ -190,7 +195,7 @@ fn followed(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
         std::thread::sleep(Duration::from_millis(15));
     }
     let answer = text(&child.wait_with_output().expect("it ends"));
-    // Logs that come piece by piece run ahead of each other: a pose more or less.
+    // Logs written in pieces run ahead of each other, which adds or drops some poses.
     let rows = answer.lines().filter(|line| !line.starts_with('#')).count();
     assert!(rows.abs_diff(newest.len() + 1) < newest.len() / 3, "{rows}");
     assert!(apart_m(batch, &poses(folder, "followed/trajectory.csv")) < BOUND_M);
@@ -198,7 +203,7 @@ fn followed(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
 }
 
 #[test]
-fn a_last_line_without_an_end_is_named() {
+fn a_last_line_without_a_line_end_is_reported() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     project(folder);
@@ -208,9 +213,9 @@ fn a_last_line_without_an_end_is_named() {
     let output = boresight(folder, "cut", &["--online", "--follow", "--idle-s", "0.2"]).output();
     let output = output.expect("it runs");
     assert!(output.status.success());
-    let told = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(
-        told.contains("prism.csv: the last line has no end"),
-        "{told}"
+        stderr.contains("prism.csv: the last line has no end"),
+        "{stderr}"
     );
 }

@@ -1,4 +1,4 @@
-//! A simulated drive of five minutes at the sensors of the paper, with truth.
+//! A simulated drive of five minutes with the sensors of the paper, with ground truth.
 
 use super::{Logs, Truth, difference, difference_of_sigmas, quaternion, vec3};
 use crate::common::consistency::PoseErrors;
@@ -13,7 +13,7 @@ use boresight::trajectory::{
 use std::f64::consts::FRAC_PI_2;
 use std::time::Instant;
 
-/// Rows of the IMU log and of the truth in a second.
+/// Rows per second of the IMU log and of the truth.
 pub const IMU_HZ: f64 = 100.0;
 
 pub fn pose_case() -> Logs {
@@ -74,14 +74,14 @@ pub fn truth() -> Vec<Truth> {
 }
 
 #[test]
-fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
-    let found = [Nodes::Imu, Nodes::Prism].map(|nodes| {
+fn the_simulated_drive_is_as_accurate_as_it_can_be_and_the_sigmas_say_so() {
+    let estimates = [Nodes::Imu, Nodes::Prism].map(|nodes| {
         let mut logs = pose_case();
         logs.settings.nodes = nodes;
-        as_good_as_it_can_be(&logs)
+        assert_accurate(&logs)
     });
-    // Sparse nodes leave out the IMU noise between a node and the fixes after it.
-    let [dense, sparse] = found.each_ref().map(|f| &f.trajectory);
+    // Sparse nodes ignore the IMU noise between a node and the fixes after it.
+    let [dense, sparse] = estimates.each_ref().map(|e| &e.trajectory);
     let (position_m, rotation_rad) = difference(dense, sparse);
     let sigma = difference_of_sigmas(sparse, dense);
     println!(
@@ -94,16 +94,16 @@ fn simulated_drive_is_as_good_as_it_can_be_and_knows_it() {
     assert!(sigma < 1e-3, "{sigma}");
 }
 
-fn as_good_as_it_can_be(logs: &Logs) -> Estimate {
+fn assert_accurate(logs: &Logs) -> Estimate {
     let begun = Instant::now();
-    let found = logs.estimate();
+    let estimate = logs.estimate();
     println!(
         "{} in {:.3} s",
-        found.solution,
+        estimate.solution,
         begun.elapsed().as_secs_f64()
     );
-    assert!(found.solution.converged);
-    let (nodes, truth) = (found.trajectory.poses(), truth());
+    assert!(estimate.solution.converged);
+    let (nodes, truth) = (estimate.trajectory.poses(), truth());
     assert_eq!(nodes.len(), truth.len());
     let mut errors = PoseErrors::default();
     for (k, (node, truth)) in nodes.iter().zip(&truth).enumerate() {
@@ -113,7 +113,7 @@ fn as_good_as_it_can_be(logs: &Logs) -> Estimate {
     let (position_mm, tilt_deg, yaw_deg) =
         (errors.position_mm(), errors.tilt_deg(), errors.yaw_deg());
     let share = errors.inside();
-    functionals_agree_with_marginals(&found);
+    assert_functionals_agree_with_marginals(&estimate);
     println!(
         "position {position_mm:.4} mm, tilt {tilt_deg:.5}°, yaw {yaw_deg:.5}°, inside {share:?}"
     );
@@ -121,19 +121,19 @@ fn as_good_as_it_can_be(logs: &Logs) -> Estimate {
     assert!(position_mm <= 1.46, "{position_mm}");
     assert!(tilt_deg <= 0.0057, "{tilt_deg}");
     assert!(yaw_deg <= 0.022, "{yaw_deg}");
-    // Tilt and yaw errors change over minutes: one drive holds few independent ones, and all of
-    // them may lie inside. Many drives are judged below.
+    // Tilt and yaw errors change over minutes: one drive has few independent ones, and all of them may
+    // lie inside. `rover` judges them over many drives.
     let position = share[..3].iter().sum::<f64>() / 3.0;
     let all = share.iter().sum::<f64>() / 6.0;
     assert!((position - 0.95).abs() <= 0.04, "{position}");
     assert!((all - 0.95).abs() <= 0.04, "{all}");
-    found
+    estimate
 }
 
-/// Forward substitution and back-recursion reach the same standard deviations by different
-/// arithmetic: what they differ by is rounding, here with weights from 1 to 1e12.
-fn functionals_agree_with_marginals(found: &Estimate) {
-    let nodes = found.trajectory.poses();
+/// Forward substitution and back-recursion compute the same standard deviations by different
+/// arithmetic and differ by rounding alone, here with weights from 1 to 1e12.
+fn assert_functionals_agree_with_marginals(estimate: &Estimate) {
+    let nodes = estimate.trajectory.poses();
     let chosen = [0, nodes.len() / 3, nodes.len() - 1];
     let mut gradient = PoseGradient::new(12, nodes.len());
     for (k, &node) in chosen.iter().enumerate() {
@@ -147,14 +147,14 @@ fn functionals_agree_with_marginals(found: &Estimate) {
         gradient.add(node, &block);
     }
     let begun = Instant::now();
-    let covariance = found.covariance.of_functional(&gradient);
+    let covariance = estimate.covariance.of_functional(&gradient);
     println!("12 functionals in {:.4} s", begun.elapsed().as_secs_f64());
     for (k, &node) in chosen.iter().enumerate() {
         let sigma = nodes[node].sigma.expect("standard deviations");
         let p = sigma.position_m;
         for (i, expected) in [p.x, p.y, p.z, sigma.rotation_rad.x].iter().enumerate() {
-            let found = covariance[(4 * k + i, 4 * k + i)].sqrt();
-            assert!((found / expected - 1.0).abs() < 1e-5, "{found} {expected}");
+            let sigma = covariance[(4 * k + i, 4 * k + i)].sqrt();
+            assert!((sigma / expected - 1.0).abs() < 1e-5, "{sigma} {expected}");
         }
     }
 }

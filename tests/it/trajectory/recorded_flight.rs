@@ -1,4 +1,4 @@
-//! EuRoC V2_03: real inertial data, positions and yaw decimated from a motion capture system.
+//! EuRoC V2_03: real inertial data, with positions and yaw decimated from a motion capture system.
 
 use super::{Logs, quantile, quaternion, rms, vec3};
 use crate::common::consistency::error;
@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
 
-/// Into forward, left, up: the file's axes are up, right, forward.
+/// Converts the file's axes (up, right, forward) to forward, left, up.
 fn flu(v: Vec3) -> Vec3 {
     Vec3::new(v.z, -v.y, v.x)
 }
@@ -27,11 +27,11 @@ struct Flight {
     logs: Logs,
     /// Time and attitude of the Vicon marker.
     vicon: Vec<(f64, Rotation)>,
-    /// Time, position, attitude of FLU.
+    /// Time, and position and attitude of the FLU body.
     truth: Vec<(f64, Vec3, Rotation)>,
 }
 
-/// `None` where the data are not there.
+/// `None` if the data are not on this machine.
 fn euroc() -> Option<Flight> {
     let folder = external_data("euroc_v2_03")?;
     let origin_ns: i128 = 1_413_394_881_000_000_000;
@@ -55,7 +55,7 @@ fn euroc() -> Option<Flight> {
             })
             .collect()
     };
-    // file_from_flu: columns are the FLU axes in the file's.
+    // Its columns are the FLU axes in the file's axes.
     let file_from_flu = Rotation::from_matrix(&nalgebra::Matrix3::new(
         0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0,
     ));
@@ -110,14 +110,14 @@ fn euroc() -> Option<Flight> {
             accel_bias_walk: 3.0e-3,
         },
         positions: vec![PositionSettings::prism(
-            // The README's agreement of 1.4 mm median and 3.5 mm at 95 % in space is that of
-            // 0.9 mm and 1.25 mm in each coordinate.
+            // The README's 3D agreement of 1.4 mm (median) and 3.5 mm (95 %) corresponds to 0.9 mm and
+            // 1.25 mm per coordinate.
             0.001,
             flu(Vec3::new(0.0800, -0.0217, -0.1151)),
         )],
         heading: HeadingSettings {
-            // The Vicon yaw lies −1.33° counter-clockwise of the body's, so its clockwise heading
-            // is 1.33° more than the body's.
+            // The Vicon yaw, counted counter-clockwise, is 1.33° less than the body's, so its clockwise
+            // heading is 1.33° more.
             mounting_offset_rad: HEADING_OFFSET_DEG.to_radians(),
             ..HeadingSettings::aligned(1.4f64.to_radians())
         },
@@ -138,15 +138,15 @@ fn euroc() -> Option<Flight> {
     })
 }
 
-/// By how much Vicon's clock must be moved for its attitudes to turn as fast as the gyro says:
-/// lengths of the mean angular rate over 50 ms, which need neither axes nor lever arm.
+/// The shift of Vicon's clock at which its attitudes turn as fast as the gyroscope measures: compares
+/// magnitudes of the mean angular rate over 50 ms, which depend on neither axes nor lever arm.
 fn latency_by_turning(flight: &Flight) -> f64 {
     const SPAN: usize = 5;
-    let found = flight.logs.estimate();
-    let nodes = found.trajectory.poses();
+    let estimate = flight.logs.estimate();
+    let nodes = estimate.trajectory.poses();
     let biases = nodes.iter().filter_map(|n| n.bias).map(|b| b.gyro_rad_s);
     let bias = biases.sum::<Vec3>() / nodes.len() as f64;
-    // The angle turned up to each sample's start; a sample holds until the next.
+    // The angle turned up to the start of each sample; a sample is valid until the next.
     let imu = &flight.logs.imu;
     let mut turned = vec![Vec3::zeros()];
     for pair in imu.windows(2) {
@@ -182,20 +182,20 @@ fn latency_by_turning(flight: &Flight) -> f64 {
 }
 
 #[test]
-fn recorded_flight_is_followed_between_the_fixes() {
+fn the_recorded_flight_is_accurate_at_and_between_the_fixes() {
     let Some(flight) = euroc() else {
         return;
     };
     let begun = Instant::now();
-    let found = flight.logs.estimate();
+    let estimate = flight.logs.estimate();
     println!(
         "{} in {:.3} s",
-        found.solution,
+        estimate.solution,
         begun.elapsed().as_secs_f64()
     );
     let mut errors = vec![];
     for (t, p, r) in &flight.truth {
-        if let Some(pose) = found.trajectory.pose_at(*t) {
+        if let Some(pose) = estimate.trajectory.pose_at(*t) {
             let (shift, turn) = error(&pose, &(*p, *r));
             errors.push((*t, shift, turn));
         }
@@ -238,25 +238,25 @@ fn recorded_flight_is_followed_between_the_fixes() {
     );
     let (tilt, yaw) = (quantile(&mut tilt, 0.5), quantile(&mut yaw, 0.5));
     println!("tilt median {tilt:.3}°, yaw median {yaw:.3}°");
-    assert!(found.solution.converged);
+    assert!(estimate.solution.converged);
     assert!(position_mm <= 5.0 && at_mm <= 5.0 && between_mm <= 5.0);
     assert!(tilt <= 1.0);
     assert!(yaw <= 1.0);
 }
 
-/// Errors of the position outside a time, millimetres, and the estimate.
+/// Position error (root mean square, millimetres) outside a time span, and the estimate.
 fn errors_outside(flight: &Flight, logs: &Logs, away: (f64, f64)) -> (f64, Estimate) {
-    let found = logs.estimate();
+    let estimate = logs.estimate();
     let errors = flight.truth.iter().filter_map(|(t, p, _)| {
-        let pose = found.trajectory.pose_at(*t)?;
+        let pose = estimate.trajectory.pose_at(*t)?;
         let outside = !(away.0..away.1).contains(t);
         outside.then(|| (pose.translation_m - p).norm() * 1e3)
     });
-    (rms(errors), found)
+    (rms(errors), estimate)
 }
 
 #[test]
-fn recorded_flight_survives_displaced_fixes_and_an_outage() {
+fn the_recorded_flight_survives_displaced_fixes_and_an_outage() {
     let Some(flight) = euroc() else {
         return;
     };
@@ -274,63 +274,62 @@ fn recorded_flight_survives_displaced_fixes_and_an_outage() {
                 displaced.push(i + 1);
             }
         }
-        let (rmse_mm, found) = errors_outside(&flight, &logs, away);
+        let (rmse_mm, estimate) = errors_outside(&flight, &logs, away);
         let rejected = |record: &usize| {
-            let mut all = found.solution.rejections.iter();
+            let mut all = estimate.solution.rejections.iter();
             all.any(|r| r.sensor == "prism" && r.record == *record)
         };
         println!("seed {seed}: {rmse_mm:.2} mm outside the outage");
-        assert!(found.solution.converged);
+        assert!(estimate.solution.converged);
         assert!(rmse_mm <= 5.2, "{rmse_mm}");
         assert!(displaced.iter().all(rejected), "seed {seed}");
     }
 }
 
 #[test]
-fn recorded_flight_finds_lever_arm_and_latency_from_any_side() {
+fn the_recorded_flight_determines_lever_arm_and_latency_from_any_start() {
     let Some(flight) = euroc() else {
         return;
     };
     let arm = flight.logs.settings.positions[0].lever_arm_m;
-    let found = [0.0, 1.0, -1.0].map(|sign| {
+    let errors = [0.0, 1.0, -1.0].map(|sign| {
         let mut logs = flight.logs.clone();
         logs.settings.positions[0].lever_arm_m += Vec3::new(0.6, -0.64, 0.48) * (0.05 * sign);
         logs.prism.iter_mut().for_each(|f| f.time_s += 0.05 * sign);
         logs.settings.estimate = vec![Constant::TimeOffset(0), Constant::LeverArm(0)];
-        let (_, found) = errors_outside(&flight, &logs, (0.0, 0.0));
-        let value = |i: usize| found.solution.constants[i].value;
+        let (_, estimate) = errors_outside(&flight, &logs, (0.0, 0.0));
+        let value = |i: usize| estimate.solution.constants[i].value;
         let by_m = Vec3::new(value(0), value(1), value(2)) - arm;
         (by_m, value(3) + 0.05 * sign)
     });
     let turning_s = latency_by_turning(&flight);
-    println!("lever arm and latency against the README's: {found:?}; by turning {turning_s:.4} s");
-    for (by_m, late_s) in found {
+    println!("lever arm and latency against the README's: {errors:?}; by turning {turning_s:.4} s");
+    for (by_m, late_s) in errors {
         assert!(by_m.norm() <= 5e-3, "{by_m}");
-        // The README's offset makes Vicon's positions fit those of the ground truth. Against the
-        // IMU itself Vicon is later, as its attitudes and the gyro tell without any estimator.
+        // The README's offset aligns Vicon's positions with those of the ground truth. Compared with
+        // the IMU itself, Vicon is later, as its attitudes and the gyroscope show without an estimator.
         assert!((late_s - turning_s).abs() <= 5e-3, "{late_s}");
-        assert!((by_m - found[0].0).norm() < 5e-4 && (late_s - found[0].1).abs() < 5e-4);
+        assert!((by_m - errors[0].0).norm() < 5e-4 && (late_s - errors[0].1).abs() < 5e-4);
     }
 }
 
 #[test]
-fn a_real_flight_is_not_taken_for_a_mistake() {
+fn a_real_flight_raises_no_warnings() {
     let Some(Flight { logs, .. }) = euroc() else {
         return;
     };
     let motion = logs.motion();
-    let found = preflight::logs(&motion, &logs.settings).expect("units are right");
-    assert!(found.is_empty(), "{found:?}");
+    let findings = preflight::logs(&motion, &logs.settings).expect("units are right");
+    assert!(findings.is_empty(), "{findings:?}");
     assert!(preflight::late_logs(&motion, &logs.settings).is_empty());
     let position = &logs.settings.positions[0];
     let noise = preflight::position_noise(&logs.prism, position);
     assert!(noise.is_none(), "{noise:?}");
 }
 
-/// Vibration is aliased where half of the samples are dropped: the noise that the IMU's yaml states is too
-/// small by far.
+/// Dropping half of the samples aliases vibration: the noise stated in the IMU's yaml is far too small.
 #[test]
-fn a_recorded_flight_with_half_its_samples_has_its_noise_scaled() {
+fn the_noise_of_a_recorded_flight_with_half_its_samples_is_scaled_up() {
     let Some(flight) = euroc() else {
         return;
     };

@@ -1,4 +1,4 @@
-//! Many simulated drives: do the claimed standard deviations cover the errors?
+//! Simulated drives of a rover, and whether standard deviations cover the errors over many of them.
 
 use super::{Logs, Truth};
 use crate::common::consistency::PoseErrors;
@@ -12,9 +12,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Attitude and position of a small rover on a wavy figure of eight: first a rest, then motion.
+/// Position and attitude of a small rover on a wavy figure of eight: first at rest, then in motion.
 fn rover(time_s: f64) -> (Vec3, Rotation) {
-    // Smooth start: path parameter with vanishing rate and acceleration at 3 s.
+    // Smooth start: rate and acceleration of the path parameter vanish at 3 s.
     let t = (time_s - 3.0).max(0.0);
     let s = t * t * t / (t * t + 4.0) * 0.3;
     let p = Vec3::new(2.0 * s.sin(), 1.5 * (2.0 * s).sin(), 0.05 * (3.0 * s).sin());
@@ -39,7 +39,7 @@ pub fn rover_drive(seed: u64) -> (Logs, Vec<Truth>) {
     simulated(seed, rover, 3000)
 }
 
-/// `count` IMU samples at 50 Hz along a motion with the other logs, and the truth at the nodes.
+/// `count` IMU samples at 50 Hz along a motion and the other logs, and the truth at the nodes.
 pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (Logs, Vec<Truth>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
@@ -56,7 +56,7 @@ pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (
     let imu = (0..count)
         .map(|k| {
             let t = f64::from(k) * dt;
-            // Means of ten parts of the interval.
+            // Means over ten parts of the interval.
             let (mut gyro, mut force) = (Vec3::zeros(), Vec3::zeros());
             for part in 0..10 {
                 let (a, b) = (
@@ -81,7 +81,7 @@ pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (
     let lever = Vec3::new(0.1, -0.2, 0.8);
     let (prism_sigma, heading_sigma) = (0.004, 0.01);
     let span = dt * f64::from(count);
-    // Between the nodes: 7 Hz and 5 Hz do not divide 50 Hz times.
+    // Offset by 3 ms, so that records lie between the nodes.
     let times = |rate: f64| {
         (0..)
             .map(move |k| 0.003 + f64::from(k) / rate)
@@ -130,14 +130,18 @@ pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (
 
 #[test]
 fn claimed_standard_deviations_cover_the_errors_of_many_drives() {
-    // 40 drives of a minute hold at least a few hundred independent errors of each kind: the
-    // share inside 95 % is known to about 2 %, and 4 % is the bound of the requirement.
+    // 40 drives of a minute have at least a few hundred independent errors of each kind: the share
+    // within the 95 % interval is known to about 2 %, and the requirement allows 4 %.
     let mut errors = PoseErrors::default();
     for seed in 0..40 {
         let (logs, truth) = rover_drive(seed);
-        let found = logs.estimate();
-        assert!(found.solution.converged, "seed {seed}: {}", found.solution);
-        for (node, truth) in found.trajectory.poses().iter().zip(&truth).step_by(25) {
+        let estimate = logs.estimate();
+        assert!(
+            estimate.solution.converged,
+            "seed {seed}: {}",
+            estimate.solution
+        );
+        for (node, truth) in estimate.trajectory.poses().iter().zip(&truth).step_by(25) {
             errors.add(node, truth);
         }
     }

@@ -1,5 +1,5 @@
-//! Times in other units than seconds, and logs whose stamps would fill the memory: refused with
-//! words, before any work that grows with the time they span.
+//! Times in units other than seconds, and logs whose stamps would fill the memory: refused with a
+//! message, before any work that grows with the time they span.
 
 use super::Logs;
 use super::rover::rover_drive;
@@ -45,7 +45,7 @@ fn the_unit_of_every_log_is_named() {
         &logs,
         &["time steps of 20 s between IMU samples: are these milliseconds?"],
     );
-    // Since 1970, the streams do not even meet.
+    // Counted from 1970, the streams do not even overlap.
     let mut logs = rover_drive(1).0;
     logs.imu.iter_mut().for_each(|s| s.time_s += 1.7e9);
     for fix in &mut logs.prism {
@@ -58,7 +58,7 @@ fn the_unit_of_every_log_is_named() {
 }
 
 #[test]
-fn the_online_smoother_names_it_after_a_few_samples() {
+fn the_online_smoother_names_the_unit_after_a_few_samples() {
     for (factor, unit) in UNITS {
         let logs = rover_drive(1).0;
         let mut online = Online::new(&logs.settings, OnlineOptions::default()).unwrap();
@@ -90,7 +90,7 @@ fn stamps_in_bursts_are_refused_before_their_gaps_are_filled() {
 }
 
 #[test]
-fn headings_of_which_none_fits_the_others_are_refused() {
+fn headings_that_all_contradict_each_other_are_refused() {
     let mut logs = rover_drive(1).0;
     for (index, heading) in logs.heading.iter_mut().enumerate() {
         heading.heading_rad = (index as f64 * 120.0).to_radians();
@@ -102,9 +102,10 @@ fn headings_of_which_none_fits_the_others_are_refused() {
     );
 }
 
-fn place(poses_in: f64, points_in: f64) -> boresight::Result<()> {
+/// Places points with pose and point times multiplied by these factors.
+fn place(pose_factor: f64, point_factor: f64) -> boresight::Result<()> {
     let pose = |k: i32| PoseRecord {
-        time_s: poses_in * 0.01 * f64::from(k),
+        time_s: pose_factor * 0.01 * f64::from(k),
         world_from_body: WorldFromBody::identity(),
         velocity_m_s: None,
         bias: None,
@@ -114,7 +115,7 @@ fn place(poses_in: f64, points_in: f64) -> boresight::Result<()> {
     let mut place = Georeferencer::new(&trajectory, BodyFromScanner::identity(), 0.0);
     for k in 0..3000 {
         place.place(&ScanPoint {
-            time_s: points_in * 0.02 * f64::from(k),
+            time_s: point_factor * 0.02 * f64::from(k),
             position_m: Vec3::x(),
             intensity: 0.0,
         });
@@ -123,7 +124,7 @@ fn place(poses_in: f64, points_in: f64) -> boresight::Result<()> {
 }
 
 #[test]
-fn poses_and_profiles_in_different_units_do_not_meet_by_chance() {
+fn poses_and_profiles_in_different_units_are_refused() {
     assert!(place(1.0, 1.0).is_ok());
     for (factor, unit) in UNITS {
         let message = place(factor, 1.0).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-// The clouds of one drive: points in the scanner frame, poses, mountings, and where they put the points.
+// The clouds of one drive: points in the scanner frame, poses, mountings, and the points placed with them.
 
 import { fromBase64, inflate, list } from './unpack.js';
 import { apply, normalised } from './transform.js';
@@ -140,7 +140,7 @@ export class Drive {
     return { value, isBeyond: byte === 255 || (byte === 1 && attribute.low < 0) };
   }
 
-  /** What is known of a point. */
+  /** Coordinates and attributes of a point. */
   describe(variant, point) {
     const fan = this.fanOf(point);
     const profile = fan.profileOf[point - fan.first];

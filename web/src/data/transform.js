@@ -38,7 +38,7 @@ export function compose(outer, inner) {
   return { t: apply(outer, inner.t), q: multiply(outer.q, inner.q) };
 }
 
-/** How far a mounting is off its mean: metres and radians. */
+/** Offset of a mounting from its mean: metres and radians. */
 export function offset(mounting, mean) {
   const [x, y, z, w] = multiply(mounting.q, [-mean.q[0], -mean.q[1], -mean.q[2], mean.q[3]]);
   return {

@@ -1,4 +1,4 @@
-// The lists of a drive, as `src/report/scene/packed.rs` writes them.
+// The lists of a drive, as `crates/report/src/report/scene/packed.rs` writes them.
 
 /** The bytes of base64 text. */
 export function fromBase64(text) {
@@ -15,8 +15,8 @@ export async function inflate(deflated) {
 }
 
 /**
- * A list of numbers: 8 bits as they are; 16 and 32 bits as differences from one number to the next, all lowest bytes
- * first, then all next ones. Those of 32 bits carry a sign.
+ * A list of numbers: 8 bits as plain bytes; 16 and 32 bits as differences from one number to the next, all lowest bytes
+ * first, then all next ones. Numbers of 32 bits are signed.
  */
 export function list(bytes, { at, length, bits }) {
   if (bits === 8) return bytes.subarray(at, at + length);

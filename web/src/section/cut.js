@@ -1,15 +1,15 @@
-// What lies in the slab of a section.
+// The points in the slab of a section.
 
-/** Points farther above or below the surface belong to another one, metres. */
+/** Points farther above or below the surface belong to another surface, metres. */
 const ANOTHER_M = 0.25;
-/** Length of the pieces whose median height is found, metres. */
+/** Length of the pieces for which median heights are computed, metres. */
 const PIECE_M = 0.01;
 /** Fewest points of a piece of a line. */
 const FEWEST = 3;
-/** Standard deviations in the median of absolute deviations, of normal errors. */
+/** Ratio of the standard deviation to the median of absolute deviations, for normal errors. */
 const SIGMAS_PER_MAD = 1.4826;
 
-/** Along and above the surface of the points in the slab: calls `each` with both, metres, and the point's number. */
+/** Calls `each` for the points in the slab, with distances along and above the surface (metres) and the number. */
 function inSlab(positions, { centre, along, up, aside }, lengthM, halfM, each) {
   for (let i = 0; i < positions.length / 3; i++) {
     const x = positions[3 * i] - centre[0];
@@ -24,9 +24,9 @@ function inSlab(positions, { centre, along, up, aside }, lengthM, halfM, each) {
 }
 
 /**
- * The section of a drive as one variant places it: the reference, and a series for each pass of each scanner, each with
- * the median of its offsets from the reference and their spread about that, metres (null without a reference beside it).
- * Medians, as single points at edges lie centimetres off.
+ * The section of a drive as one variant places it: the reference, and a series for each pass of each scanner, with the
+ * median of its offsets from the reference and their spread about it, metres (null if there is no reference below it).
+ * Medians, because single points at edges are centimetres off.
  */
 export function cut(drive, variant, frame, { lengthM, halfM }) {
   const reference = [];
@@ -45,7 +45,7 @@ export function cut(drive, variant, frame, { lengthM, halfM }) {
   return { reference, line: line(reference, lengthM), series: found };
 }
 
-/** The median; NaN of nothing. */
+/** The median; NaN for an empty list. */
 export function median(values) {
   const sorted = Float64Array.from(values).sort();
   const middle = sorted.length >> 1;
@@ -63,7 +63,7 @@ function heights(points, lengthM, fewest) {
   return pieces.map((piece) => (piece.length >= fewest ? median(piece) : NaN));
 }
 
-/** The median height of points over each piece, as parts of a line without the pieces that have too few. */
+/** The median height of the points in each piece, as a line that is interrupted at pieces with too few points. */
 function line(points, lengthM) {
   const parts = [[]];
   heights(points, lengthM, FEWEST).forEach((v, i) => {
@@ -81,7 +81,7 @@ function offset(points, ground, lengthM) {
   return { middle, spread: over.length > 2 ? spread : null };
 }
 
-/** Heights that leave out the outermost hundredth on each side, metres, with some room; at least a millimetre. */
+/** The range of heights without the outermost hundredth on each side, with a margin, metres; at least a millimetre. */
 export function reach({ reference, series }) {
   const all = [...reference, ...series.flatMap((one) => one.points)].map(([, v]) => v).sort((a, b) => a - b);
   if (all.length === 0) return [-0.001, 0.001];

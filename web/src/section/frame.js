@@ -1,13 +1,13 @@
 // The plane of a section: through a point, across a surface.
 
-/** Radius of the points by which the surface is known, metres. */
+/** Radius of the neighbourhood from which the surface is estimated, metres. */
 const SURFACE_M = 0.12;
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((x) => x / Math.hypot(...a));
 
-/** Eigenvectors of a symmetric 3 × 3 matrix by Jacobi rotations, those of the greatest eigenvalues first. */
+/** Eigenvectors of a symmetric 3 × 3 matrix by Jacobi rotations, in the order of descending eigenvalues. */
 export function eigenvectors(matrix) {
   const a = matrix.map((row) => [...row]);
   const v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
@@ -46,8 +46,8 @@ function scatter(offsets) {
 }
 
 /**
- * The surface at a point, by the points of the last variant around it: its centre, its normal (upwards), and the azimuth
- * of the profiles that cross it, clockwise from north, radians.
+ * The surface at a point, from the points of the last variant around it: its centre, its normal (upwards), and the
+ * azimuth of the profiles that cross it, clockwise from north, radians.
  */
 export function surfaceAt(drive, centre) {
   const positions = drive.positions(drive.variants.length - 1);
@@ -76,12 +76,12 @@ function profileKey(drive, point) {
   return `${fan.number}-${fan.profileOf[point - fan.first]}`;
 }
 
-/** Axes of a section through a surface with its horizontal direction at `azimuth`: along, across the surface, aside. */
+/** Axes of a section whose horizontal direction is at `azimuth`: along the surface, normal to it, and to the side. */
 export function frameOf({ centre, normal }, azimuth) {
   const level = [Math.sin(azimuth), Math.cos(azimuth), 0];
   const share = dot(level, normal);
   const inSurface = level.map((x, i) => x - share * normal[i]);
-  // A section straight up a vertical surface has no direction of its own.
+  // Straight up a vertical surface, the azimuth does not define a direction in the surface.
   const along = Math.hypot(...inSurface) > 1e-6 ? unit(inSurface) : [0, 0, 1];
   return { centre, along, up: normal, aside: cross(normal, along) };
 }

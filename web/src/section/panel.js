@@ -1,4 +1,4 @@
-// The section: its controls, its picture, and the offsets of scanners and passes as numbers.
+// The section: its controls, its chart, and the offsets of scanners and passes as numbers.
 
 import { mixed } from '../colours.js';
 import { degrees, fixed, millimetres, signedMillimetres } from '../text.js';
@@ -12,7 +12,7 @@ const SLABS_M = [0.0025, 0.005, 0.01, 0.02, 0.05];
 const HEIGHTS_M = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05];
 
 export class SectionPanel {
-  /** `moved` is told of the corners of the section on its surface, from the origin, metres. */
+  /** Calls `moved` with the corners of the section on its surface, from the origin, metres. */
   constructor({ theme, moved }) {
     Object.assign(this, { theme, moved });
     this.lengthM = 0.3;
@@ -82,7 +82,7 @@ export class SectionPanel {
     );
   }
 
-  /** Colour and shape of a series: colours are scanners, their shades and shapes are passes. */
+  /** Colour and shape of a series: colours stand for scanners, their shades and shapes for passes. */
   style({ fan, pass }) {
     const { series, ink, page } = this.theme;
     const passes = [...new Set(this.found.series.map((one) => one.pass))].sort((a, b) => a - b);

@@ -14,7 +14,7 @@ export class Bearings {
     this.element = el('div', { class: 'scene-bearings', 'aria-hidden': 'true' }, this.north, el('div', {}, this.length, this.bar));
   }
 
-  /** Of a view `height` CSS pixels high; the scale holds at the point that the view turns about. */
+  /** Updates both for a view `height` CSS pixels high; the scale holds at the point about which the view turns. */
   show({ yaw, distance, camera }, height) {
     const perMetre = height / (2 * distance * Math.tan((camera.fov * Math.PI) / 360));
     const metres = niceAbove(LEAST / perMetre);

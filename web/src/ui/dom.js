@@ -14,7 +14,7 @@ export function el(name, attributes = {}, ...children) {
 
 let unique = 0;
 
-/** A group of buttons of which one is chosen: radio buttons, so that arrow keys go along them. */
+/** A group of buttons of which one is chosen: radio buttons, so that arrow keys move between them. */
 export function segmented(label, options, chosen, change) {
   const name = `scene-choice-${unique++}`;
   const inputs = options.map((text, value) => {

@@ -19,7 +19,7 @@ export function legend({ bar, ticks, note, entries }) {
   return parts;
 }
 
-/** What is known of a point, as pairs of a name and a value. */
+/** Coordinates and attributes of a point, as pairs of a name and a value. */
 export function facts(point) {
   const [east, north, up] = point.map.map((value) => `${fixed(value, 4)} m`);
   const rows = [['East', east], ['North', north], ['Up', up]];

@@ -1,4 +1,4 @@
-// The platform along the drive, where its mountings move: time, play, and by how much offsets are exaggerated.
+// The platform along the drive, if its mountings move: time, play, and the exaggeration of the motion.
 
 import { offset } from '../data/transform.js';
 import { fixed, seconds } from '../text.js';
@@ -6,7 +6,7 @@ import { dispose, nearestProfile, platform } from '../view/lines.js';
 import { button, choice, el, slider } from './dom.js';
 
 const FACTORS = [1, 3, 10, 30, 100];
-/** How fast the drive passes, seconds a second. */
+/** Speed of playing, seconds of the drive per second. */
 const SPEED = 8;
 
 export class Player {
@@ -37,7 +37,7 @@ export class Player {
     this.show();
   }
 
-  /** The platform at the time of the slider. */
+  /** Shows the platform at the time of the slider. */
   show() {
     if (this.variant < 0) return;
     this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, this.app.theme));
@@ -45,7 +45,7 @@ export class Player {
     this.app.stage.move();
   }
 
-  /** How far each mounting is off its mean at a time, as text. */
+  /** Offset of each mounting from its mean at a time, as text. */
   offsetsAt(timeS) {
     const { drive, variant } = this;
     const one = (fan) => {

@@ -6,7 +6,7 @@ import {
 } from 'three';
 import { FRAGMENT, VERTEX, transformTexture } from './shader.js';
 
-/** The numbers below `n` in an order without pattern, the same every time: any first part of it is spread evenly. */
+/** The numbers below `n` in a pseudo-random order, the same every time: the first part of it, however long, is spread evenly. */
 export function shuffled(n) {
   const order = Uint32Array.from({ length: n }, (_, i) => i);
   let state = 0x9e3779b9;
@@ -18,7 +18,7 @@ export function shuffled(n) {
   return order;
 }
 
-/** A texture of 256 colours, one a byte. */
+/** A texture of 256 colours, one per byte. */
 export function colourTexture() {
   const texture = new DataTexture(new Uint8Array(4 * 256), 256, 1, RGBAFormat);
   texture.minFilter = NearestFilter;
@@ -37,7 +37,7 @@ export class Cloud {
     this.geometry.setAttribute('profile', new BufferAttribute(this.order.map((i) => fan.profileOf[i]), 1));
     this.value = new BufferAttribute(new Uint8Array(fan.points), 1);
     this.geometry.setAttribute('value', this.value);
-    // The card moves the points: bounds are those of the whole scene.
+    // The graphics card moves the points, so that their bounds are not known here.
     this.geometry.boundingSphere = new Sphere(new Vector3(), Infinity);
     this.geometry.setDrawRange(0, fan.points);
     this.poses = drive.poses.map((set) => this.texture((profile) => drive.transform(set[fan.number], profile)));
@@ -85,7 +85,7 @@ export class Cloud {
     return scan;
   }
 
-  /** Points by variant `to`, or at a share of the way from variant `from` to it. */
+  /** Places the points by variant `to`, or at a share of the way from variant `from` to it. */
   show(from, to, share) {
     const { uniforms } = this.material;
     const { drive } = this;

@@ -1,4 +1,4 @@
-// Lines and marks: the trajectory, its axes, the platform with its scanners, and what is picked.
+// Lines and marks: the trajectory, its axes, the platform with its scanners, and the picked point.
 
 import {
   BufferAttribute, BufferGeometry, Color, DoubleSide, Group, Line, LineBasicMaterial, LineSegments, Mesh, MeshBasicMaterial,
@@ -7,7 +7,7 @@ import { apply, compose, exaggerated } from '../data/transform.js';
 
 /** Length of the axes, metres. */
 const AXIS_M = 0.35;
-/** Poses between two pairs of axes along the way. */
+/** Most poses drawn along the trajectory. */
 const WAY_POINTS = 4000;
 
 function geometry(points) {
@@ -79,7 +79,7 @@ export function platform(drive, variant, timeS, factor, colours) {
     const colour = colours.series[fan.number % colours.series.length];
     if (fan.number === 0) group.add(axes(body, colours.axes, 0.5));
     group.add(own(new Line(geometry([body.t, scanner.t]), new LineBasicMaterial({ color: colours.ink }))));
-    // Where it would be without its offset.
+    // The axes at the mean mounting.
     group.add(axes(compose(body, mean), [colours.muted, colours.muted, colours.muted], 0.15));
     group.add(axes(scanner, colours.axes, 0.22));
     if (points.length > 1) {
@@ -111,7 +111,7 @@ function profilePoints(drive, fan, profile) {
   return points.sort((a, b) => Math.atan2(a[0], -a[2]) - Math.atan2(b[0], -b[2]));
 }
 
-/** Frees what a group holds on the graphics card, and removes it. */
+/** Frees the memory of a group on the graphics card, and removes the group. */
 export function dispose(object) {
   object?.traverse((part) => {
     part.geometry?.dispose();

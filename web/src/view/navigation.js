@@ -1,6 +1,6 @@
 // Orbit, pan and zoom by mouse, touch and keyboard. The map's up is up on the screen.
 
-/** How far one key press goes. */
+/** Step of one key press: radians, share of the height, factor. */
 const KEY_TURN = Math.PI / 36;
 const KEY_PAN = 0.06;
 const KEY_ZOOM = 1.15;
@@ -8,8 +8,8 @@ const MOST_PITCH = Math.PI / 2 - 1e-3;
 
 export class Navigation {
   /**
-   * Turns `camera` (of three.js) with the pointers and keys of `canvas`. `changed` is told of each change, and `clicked`
-   * of a click or tap, with its place in CSS pixels of the canvas.
+   * Moves `camera` (of three.js) by pointer and keys on `canvas`. Calls `changed` after each change, and `clicked` for a
+   * click or tap, with its position in CSS pixels of the canvas.
    */
   constructor(camera, canvas, { changed, clicked }) {
     Object.assign(this, { camera, canvas, changed, clicked });
@@ -29,7 +29,7 @@ export class Navigation {
     canvas.addEventListener('contextmenu', (event) => event.preventDefault());
   }
 
-  /** Looks at a ball from the south, from above. */
+  /** Looks at a sphere from the south and above. */
   frame(centre, radius, { yaw = 0, pitch = 0.75 } = {}) {
     const half = (this.camera.fov * Math.PI) / 360;
     const narrow = Math.min(1, this.camera.aspect);
@@ -50,7 +50,7 @@ export class Navigation {
     this.update();
   }
 
-  /** Goes to a point without a turn. */
+  /** Moves to a point without turning. */
   goTo(point, distance) {
     this.target = [...point];
     this.distance = distance;
@@ -80,7 +80,7 @@ export class Navigation {
     this.update();
   }
 
-  /** By shares of the height of the view. */
+  /** Shifts the view by shares of its height. */
   pan(right, up) {
     const reach = 2 * this.distance * Math.tan((this.camera.fov * Math.PI) / 360);
     const [a, b] = [this.camera.matrixWorld.elements.slice(0, 3), this.camera.matrixWorld.elements.slice(4, 7)];
@@ -129,13 +129,13 @@ export class Navigation {
     this.clicked(event.clientX - box.left, event.clientY - box.top);
   }
 
-  /** Distance of two fingers. */
+  /** Distance between two fingers. */
   spread() {
     const [a, b] = [...this.pointers.values()];
     return a && b ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
   }
 
-  /** The wheel zooms where the view has been clicked on, and scrolls the page elsewhere. */
+  /** The wheel zooms if the view has the focus, and otherwise scrolls the page. */
   wheel(event) {
     if (document.activeElement !== this.canvas && !event.ctrlKey) return;
     event.preventDefault();

@@ -1,13 +1,13 @@
 // The point under the pointer.
 
-/** How far from it a point may be, CSS pixels. */
+/** Largest distance of a point from the pointer, CSS pixels. */
 const REACH = 8;
-/** Points are as good as the nearest one if they are at most this share farther away. */
+/** Points count as visible if they are at most this share farther away than the nearest one. */
 const DEPTH = 0.03;
 
 /**
- * The number of the point nearest to a place of the canvas, of those that nothing hides; −1 without one. `positions`
- * holds x, y, z of each point in turn; only numbers in `ranges`, [first, end), are looked at.
+ * The number of the visible point nearest to a position on the canvas; −1 if there is none. `positions` holds x, y, z of
+ * each point in turn; only numbers in `ranges`, [first, end), are considered.
  */
 export function pick(camera, { width, height }, positions, ranges, x, y) {
   const m = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse).elements;
@@ -30,7 +30,7 @@ export function pick(camera, { width, height }, positions, ranges, x, y) {
   return visible[0]?.i ?? -1;
 }
 
-/** The place of a point on the canvas, CSS pixels. */
+/** The position of a point on the canvas, CSS pixels. */
 export function project(camera, { width, height }, [a, b, c]) {
   const m = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse).elements;
   const w = m[3] * a + m[7] * b + m[11] * c + m[15];

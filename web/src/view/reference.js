@@ -1,10 +1,10 @@
-// The reference, behind the clouds that lie on it.
+// The reference, drawn behind the clouds that lie on it.
 
 import { BufferAttribute, BufferGeometry, Color, GLSL3, Points, ShaderMaterial, Sphere, Vector3 } from 'three';
 import { shuffled } from './cloud.js';
 import { FRAGMENT } from './shader.js';
 
-/** How far points are pushed back where they hide each other, metres: clouds that are right lie among them. */
+/** How far points are pushed back in depth, metres: correct clouds lie among them and would be hidden. */
 const BEHIND_M = 0.02;
 
 const VERTEX = /* glsl */ `

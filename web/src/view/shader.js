@@ -1,8 +1,8 @@
-// Places points on the graphics card: x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s), by two variants, and between them.
+// Places points on the graphics card: x_m = t_mb(t) + R_mb(t) (t_bs + R_bs x_s), for two variants and between them.
 
 import { DataTexture, FloatType, NearestFilter, RGBAFormat } from 'three';
 
-/** Transforms in a row of a texture; each takes two texels: translation, quaternion. */
+/** Transforms per row of a texture; each takes two texels: translation, quaternion. */
 const ROW = 1024;
 
 /** A texture of transforms { t, q }. */

@@ -1,5 +1,5 @@
-// Shades points by the depth of what is beside them on the screen (eye-dome lighting), so that edges and surfaces of a
-// cloud without normals can be told.
+// Shades points by the depth of their neighbours on the screen (eye-dome lighting), which makes edges and surfaces of a
+// cloud without normals visible.
 
 import {
   BufferAttribute, BufferGeometry, DepthTexture, GLSL3, Mesh, NearestFilter, OrthographicCamera, Scene, ShaderMaterial,

@@ -1,19 +1,19 @@
-// The canvas: draws when something changed, and fewer points while it moves.
+// The canvas: draws only when something changed, and fewer points in motion.
 
 import { Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Scene, WebGLRenderer } from 'three';
 import { Shading } from './shading.js';
 
-/** Points drawn while the view moves: to begin with, and between which bounds they follow the time of a frame. */
+/** Points drawn while the view moves: initially, and the bounds within which their number adapts to the time of a frame. */
 const WHILE_MOVING = 150_000;
 const BOUNDS = [20_000, 2_000_000];
-/** Times of a frame between which they stay, and how long after the last motion all are drawn again, milliseconds. */
+/** Times of a frame between which the number stays, and the time after the last motion until all are drawn, milliseconds. */
 const FRAME_MS = [20, 45];
 const SETTLES_MS = 160;
 
-// Colours are those of the page, as they are.
+// Colours are those of the page, without conversion.
 ColorManagement.enabled = false;
 
-/** Whether the browser can draw in three dimensions as this needs it. */
+/** Whether the browser has WebGL 2. */
 export function hasWebGl() {
   try {
     return document.createElement('canvas').getContext('webgl2') !== null;
@@ -33,7 +33,7 @@ export class Stage {
     /** Lines and marks, which neither hide behind points nor shade them. */
     this.lines = new Scene();
     this.camera = new PerspectiveCamera(40, 1, 0.01, 1000);
-    /** What has points to thin: `thin(share)` and `points`. */
+    /** Objects whose points can be thinned: with `thin(share)` and `points`. */
     this.clouds = [];
     this.frames = 0;
     this.isAsked = false;
@@ -62,7 +62,7 @@ export class Stage {
     this.ask();
   }
 
-  /** Draws with the next frame. */
+  /** Draws in the next frame. */
   ask() {
     if (this.isAsked) return;
     this.isAsked = true;
@@ -72,7 +72,7 @@ export class Stage {
     });
   }
 
-  /** Draws with the next frame with fewer points, and all of them once nothing moves. */
+  /** Draws fewer points in the next frame, and all of them once nothing moves. */
   move() {
     const points = this.clouds.reduce((sum, cloud) => sum + cloud.points, 0);
     this.thin(Math.min(1, this.whileMoving / Math.max(points, 1)));
@@ -81,7 +81,7 @@ export class Stage {
     clearTimeout(this.settles);
   }
 
-  /** Draws all points, unless something moves before. */
+  /** Draws all points after a while, unless something moves before. */
   settle() {
     clearTimeout(this.settles);
     this.settles = setTimeout(() => {
@@ -92,7 +92,7 @@ export class Stage {
     }, SETTLES_MS);
   }
 
-  /** Fewer points where frames follow each other slowly, more where they are fast. */
+  /** Draws fewer points if frames are slow, more if they are fast. */
   adapt() {
     const now = performance.now();
     const took = now - this.lastMotion;

@@ -1,14 +1,14 @@
-// The patches of the surface that the joint adjustment found, as small squares in their planes.
+// The surfels of the joint adjustment, as small squares in their planes.
 
 import {
   Color, DoubleSide, InstancedMesh, Matrix4, MeshBasicMaterial, PlaneGeometry, Quaternion, Vector3,
 } from 'three';
 
-/** Share of the edge of a patch that is drawn: gaps tell patches apart. */
+/** Share of the edge of a patch that is drawn: gaps separate the patches. */
 const DRAWN = 0.86;
 
 export class SurfelLayer {
-  /** `surfels` as a drive has them; `colours` is a table of 256 colours by the bytes of their roughness. */
+  /** `surfels` are those of a drive; `colours` is a table of 256 colours for the bytes of their roughness. */
   constructor(surfels, colours) {
     const { points, positions, normals, sizeM, roughness } = surfels;
     const plane = new PlaneGeometry(DRAWN * sizeM, DRAWN * sizeM);

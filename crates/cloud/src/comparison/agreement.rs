@@ -84,7 +84,7 @@ impl Agreement {
 pub struct Agreements {
     /// The comparisons that have distances: every scanner with the reference, then every pair of
     /// scanners. Those of one pair are consecutive, in the order of [`MountingKind`].
-    pub found: Vec<Agreement>,
+    pub comparisons: Vec<Agreement>,
     /// Comparisons under the final mounting without any distance: the other cloud, and the reason.
     pub missing: Vec<(Against, String)>,
 }
@@ -92,7 +92,7 @@ pub struct Agreements {
 impl Agreements {
     /// Comparisons under one mounting.
     pub fn under(&self, mounting: MountingKind) -> impl Iterator<Item = &Agreement> {
-        let all = self.found.iter();
+        let all = self.comparisons.iter();
         all.filter(move |agreement| agreement.mounting == mounting)
     }
 
@@ -104,7 +104,7 @@ impl Agreements {
 
     /// The comparisons of each pair of clouds.
     pub fn pairs(&self) -> impl Iterator<Item = &[Agreement]> {
-        self.found.chunk_by(Agreement::is_same_pair)
+        self.comparisons.chunk_by(Agreement::is_same_pair)
     }
 }
 
@@ -128,7 +128,7 @@ pub fn agreements(
         drive,
         scanners,
         progress,
-        found: Vec::new(),
+        compared: Vec::new(),
         missing: Vec::new(),
     };
     for (mounting, clouds) in kinds {
@@ -150,10 +150,10 @@ pub fn agreements(
             }
         }
     }
-    all.found.sort_by_key(|(sides, _)| *sides);
+    all.compared.sort_by_key(|(sides, _)| *sides);
     Ok(Agreements {
-        found: all
-            .found
+        comparisons: all
+            .compared
             .into_iter()
             .map(|(_, agreement)| agreement)
             .collect(),
@@ -200,7 +200,7 @@ struct Comparisons<'a> {
     drive: &'a str,
     scanners: &'a [&'a str],
     progress: &'a dyn Progress,
-    found: Vec<(Sides, Agreement)>,
+    compared: Vec<(Sides, Agreement)>,
     missing: Vec<(Against, String)>,
 }
 
@@ -237,7 +237,7 @@ impl Comparisons<'_> {
                     statistics,
                     distances: DistanceMap::of(&distances),
                 };
-                self.found.push((sides, agreement));
+                self.compared.push((sides, agreement));
             }
             Err(reason) => {
                 let text = format!("{drive}: {reason}");
@@ -248,7 +248,7 @@ impl Comparisons<'_> {
     }
 }
 
-stored!(struct Agreements { found, missing });
+stored!(struct Agreements { comparisons, missing });
 stored!(struct Agreement { scanner, against, mounting, statistics, coverage, distances });
 stored!(
     enum Against {
@@ -302,8 +302,8 @@ mod tests {
             let up = Normals::UPWARDS;
             m3c2(before, after, &core, up, &settings, &Silent).expect("clouds overlap")
         };
-        let found = all(&reference);
-        let pairs: Vec<&[Agreement]> = found.pairs().collect();
+        let agreements = all(&reference);
+        let pairs: Vec<&[Agreement]> = agreements.pairs().collect();
         let expected = [
             ("a to reference", with(&reference, &clouds[0])),
             ("c to reference", with(&reference, &clouds[2])),
@@ -311,19 +311,20 @@ mod tests {
         ];
         assert_eq!(pairs.len(), expected.len());
         for (pair, (name, distances)) in pairs.iter().zip(&expected) {
-            let kinds: Vec<MountingKind> = pair.iter().map(|found| found.mounting).collect();
+            let kinds: Vec<MountingKind> =
+                pair.iter().map(|agreement| agreement.mounting).collect();
             assert_eq!(kinds, [MountingKind::Initial, MountingKind::Final]);
-            for found in *pair {
+            for agreement in *pair {
                 let statistics = Statistics::of(distances).expect("clouds overlap");
                 assert_eq!(
-                    (found.pair().as_str(), &found.statistics),
+                    (agreement.pair().as_str(), &agreement.statistics),
                     (*name, &statistics)
                 );
-                assert_eq!(found.distances, DistanceMap::of(distances));
+                assert_eq!(agreement.distances, DistanceMap::of(distances));
             }
         }
         // Under the final mounting: to the reference, and both pairs of the scanner without points.
-        let missing = found.missing.iter().map(|(against, _)| against);
+        let missing = agreements.missing.iter().map(|(against, _)| against);
         let [a, b] = ["a", "b"].map(|name| Against::Scanner(name.into()));
         assert!(missing.eq([&Against::Reference, &a, &b]));
 

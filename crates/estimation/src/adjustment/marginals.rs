@@ -98,20 +98,20 @@ impl ChainFactor {
         }
         for i in (0..self.layout.steps()).rev() {
             let (front, rows) = self.step(i);
-            let (own, cross) =
+            let (pivots, cross) =
                 pivot_covariance::<NODE, STEP>(&front.rows, rows, &sigma, &mut border);
             border.cross[..NODE * n].copy_from_slice(&border.pivots[..NODE * n]);
             visit(
                 i,
                 &StepMarginal {
-                    node: &own,
+                    node: &pivots,
                     between: &cross,
                     next: &sigma,
                     cross: &border.cross,
                 },
             );
             for a in 0..NODE {
-                sigma[a][..NODE].copy_from_slice(&own[a]);
+                sigma[a][..NODE].copy_from_slice(&pivots[a]);
                 for b in NODE..TAIL {
                     sigma[a][b] = cross[a][b];
                     sigma[b][a] = cross[a][b];
@@ -120,10 +120,10 @@ impl ChainFactor {
             border.cross.copy_within(..NODE * n, NODE * n);
             if self.layout.changes_before(i) {
                 let (front, rows) = self.change(self.layout.segment_of_step[i] as usize - 1);
-                let (own, cross) =
+                let (pivots, cross) =
                     pivot_covariance::<SEGMENT, CHANGE>(&front.rows, rows, &sigma, &mut border);
                 for a in 0..SEGMENT {
-                    sigma[NODE + a][NODE..].copy_from_slice(&own[a]);
+                    sigma[NODE + a][NODE..].copy_from_slice(&pivots[a]);
                     for b in 0..NODE {
                         sigma[NODE + a][b] = cross[a][b];
                         sigma[b][NODE + a] = cross[a][b];
@@ -139,7 +139,7 @@ impl ChainFactor {
 struct BorderCovariance {
     n: usize,
     /// Σ_kk, n × n.
-    own: Vec<f64>,
+    border: Vec<f64>,
     /// Covariance of the step's unknowns with the border, STEP × n; rows from NODE on are those
     /// of the separator.
     cross: Vec<f64>,
@@ -156,7 +156,7 @@ impl BorderCovariance {
         let n = factor.border();
         Self {
             n,
-            own: factor.border_covariance().as_slice().to_vec(),
+            border: factor.border_covariance().as_slice().to_vec(),
             cross: vec![0.0; STEP * n],
             gain: vec![0.0; TAIL * n],
             pivots: vec![0.0; TAIL * n],
@@ -181,7 +181,7 @@ impl BorderCovariance {
         let pivots = self.pivots[..P * n].chunks_exact_mut(n);
         for (pivot, gain) in pivots.zip(self.gain.chunks_exact(n)) {
             pivot.fill(0.0);
-            subtract(pivot, gain, self.own.chunks_exact(n));
+            subtract(pivot, gain, self.border.chunks_exact(n));
         }
     }
 
@@ -207,15 +207,15 @@ impl BorderCovariance {
     }
 
     /// Subtracts Σ_Pk Kkᵀ from Σ_PP.
-    #[allow(clippy::needless_range_loop)] // own[a][b] and own[b][a]
-    fn subtract_from_pivots<const P: usize>(&self, own: &mut [[f64; P]; P]) {
+    #[allow(clippy::needless_range_loop)] // covariance[a][b] and covariance[b][a]
+    fn subtract_from_pivots<const P: usize>(&self, covariance: &mut [[f64; P]; P]) {
         let n = self.n;
         for a in 0..P {
             for b in a..P {
                 let (of_a, of_b) = (&self.pivots[a * n..][..n], &self.gain[b * n..][..n]);
                 let sum: f64 = of_a.iter().zip(of_b).map(|(x, y)| x * y).sum();
-                own[a][b] -= sum;
-                own[b][a] = own[a][b];
+                covariance[a][b] -= sum;
+                covariance[b][a] = covariance[a][b];
             }
         }
     }
@@ -274,19 +274,19 @@ fn pivot_covariance<const P: usize, const N: usize>(
         border.enter::<P, N>(rows, border_rows);
         border.separate::<P>(&k, &mut cross);
     }
-    let mut own = [[0.0; P]; P];
+    let mut covariance = [[0.0; P]; P];
     for a in 0..P {
         for b in a..P {
             let inner: f64 = (b..P).map(|c| inverse[a][c] * inverse[b][c]).sum();
             let outer: f64 = (0..TAIL).map(|c| cross[a][c] * k[b][c]).sum();
-            own[a][b] = inner - outer;
-            own[b][a] = own[a][b];
+            covariance[a][b] = inner - outer;
+            covariance[b][a] = covariance[a][b];
         }
     }
     if border.n > 0 {
-        border.subtract_from_pivots(&mut own);
+        border.subtract_from_pivots(&mut covariance);
     }
-    (own, cross)
+    (covariance, cross)
 }
 
 /// (Uᵀ U)⁻¹ of the tail.

@@ -80,9 +80,9 @@ pub fn assemble(rows: &Rows<'_>, system: &mut StepSystem, border: &mut BorderSys
             }
             border.g[column] -= factor * r;
         }
-        for (other, theirs) in std::iter::once((column, by)).chain(columns.clone()) {
-            let sum: f64 = by.iter().zip(theirs).map(|(a, b)| a * b).sum();
-            let (a, b) = (column.min(other), column.max(other));
+        for (second, by_second) in std::iter::once((column, by)).chain(columns.clone()) {
+            let sum: f64 = by.iter().zip(by_second).map(|(a, b)| a * b).sum();
+            let (a, b) = (column.min(second), column.max(second));
             border.c[a * border.count + b] += weight * sum;
         }
     }

@@ -187,10 +187,10 @@ mod tests {
 
     fn assert_inverse<T: Unknown + fmt::Debug>(value: &T) {
         let step: Vec<f64> = (0..T::DIMENSION).map(|i| 0.3 - 0.2 * i as f64).collect();
-        let mut found = vec![0.0; T::DIMENSION];
-        value.retracted(&step).step_from(value, &mut found);
-        for (a, b) in step.iter().zip(&found) {
-            assert!((a - b).abs() < 1e-14, "{value:?}: {found:?}");
+        let mut inverted = vec![0.0; T::DIMENSION];
+        value.retracted(&step).step_from(value, &mut inverted);
+        for (a, b) in step.iter().zip(&inverted) {
+            assert!((a - b).abs() < 1e-14, "{value:?}: {inverted:?}");
         }
     }
 
@@ -220,14 +220,14 @@ mod tests {
         assert_eq!(places, (Some(0..1), Some(1..7)));
         assert_eq!((held.block().is_none(), columns.count), (true, 10));
         let step: Vec<f64> = (0..10).map(|i| 0.1 * f64::from(i)).collect();
-        let mut found = vec![f64::NAN; 10];
+        let mut corrections = vec![f64::NAN; 10];
         let all: [&mut dyn Retract; 4] = [&mut gravity, &mut held, &mut mounting, &mut patch];
         for parameter in all {
             parameter.retract(&step);
-            parameter.correction(&mut found);
+            parameter.correction(&mut corrections);
         }
-        for (a, b) in step.iter().zip(&found) {
-            assert!((a - b).abs() < 1e-14, "{found:?}");
+        for (a, b) in step.iter().zip(&corrections) {
+            assert!((a - b).abs() < 1e-14, "{corrections:?}");
         }
         assert_eq!(held.value, Vec3::x());
     }

@@ -151,7 +151,7 @@ impl<'a> Input<'a> {
         voxel_m: f64,
         settings: &CalibrationSettings,
     ) -> Result<SurfaceCloud> {
-        let kept: Vec<Vec<u32>> = self
+        let thinned: Vec<Vec<u32>> = self
             .samples
             .par_iter()
             .zip(poses(mountings))
@@ -160,8 +160,8 @@ impl<'a> Input<'a> {
         let reference = voxel::thin(self.reference, voxel_m);
         let place = |&index: &u32| self.reference[index as usize];
         let mut cloud = SurfaceCloud::new(reference.iter().map(place).collect());
-        for (sample, kept) in self.samples.iter().zip(kept) {
-            let points = kept.iter().map(|&index| sample.points[index as usize]);
+        for (sample, thinned) in self.samples.iter().zip(thinned) {
+            let points = thinned.iter().map(|&index| sample.points[index as usize]);
             cloud.add_scanner(&sample.profiles, points);
         }
         let (all, needed) = (cloud.movable.len() + cloud.fixed.len(), settings.neighbours);

@@ -45,7 +45,7 @@ pub struct Minimum {
     pub back: u64,
     /// Other mountings at which the coarsest scale fits as well, if there are any.
     #[serde(skip)]
-    pub other: Option<Vec<Mounting>>,
+    pub alternative: Option<Vec<Mounting>>,
 }
 
 impl Minimum {
@@ -54,7 +54,7 @@ impl Minimum {
 
     /// Whether another minimum fits as well.
     pub fn is_doubtful(&self) -> bool {
-        self.other.is_some()
+        self.alternative.is_some()
     }
 
     /// Moves the `solution` away and lets the coarsest scale bring it back. `None` if the coarsest scale
@@ -101,7 +101,7 @@ impl Minimum {
             turn_rad,
             starts: STARTS,
             back: 0,
-            other: None,
+            alternative: None,
         };
         for start in 0..STARTS {
             let entries = 6 * solution.len();
@@ -117,7 +117,7 @@ impl Minimum {
             if apart_m < SAME_SHARE * voxel_m {
                 minimum.back += 1;
             } else if fits_as_well(&end, &nearest_minimum, voxel_m) {
-                minimum.other = Some(end.mountings);
+                minimum.alternative = Some(end.mountings);
             }
         }
         Ok(Some(minimum))
@@ -125,13 +125,13 @@ impl Minimum {
 }
 
 /// Whether a state fits as well as another of the same points, and takes up as little space.
-fn fits_as_well(state: &State, other: &State, voxel_m: f64) -> bool {
-    let planes = other.surface.planes.len() as f64;
+fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
+    let planes = nearest.surface.planes.len() as f64;
     let space = |state: &State| {
         let points = state.surface.placed.world.iter().copied();
         occupied(points, voxel_m).len() as f64
     };
-    state.cost < other.cost + AS_LOW * planes && space(state) < AS_SMALL * space(other)
+    state.cost < nearest.cost + AS_LOW * planes && space(state) < AS_SMALL * space(nearest)
 }
 
-stored!(struct Minimum { shift_m, turn_rad, starts, back, other });
+stored!(struct Minimum { shift_m, turn_rad, starts, back, alternative });

@@ -198,9 +198,9 @@ fn null_space(constraints: &DMatrix<f64>) -> DMatrix<f64> {
         DMatrix::identity(size, size) - &q * q.transpose()
     };
     let eigen = SymmetricEigen::new(projector);
-    let kept: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
-    DMatrix::from_fn(size, kept.len(), |row, column| {
-        eigen.eigenvectors[(row, kept[column])]
+    let complement: Vec<usize> = (0..size).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
+    DMatrix::from_fn(size, complement.len(), |row, column| {
+        eigen.eigenvectors[(row, complement[column])]
     })
 }
 
@@ -278,7 +278,7 @@ fn describe(
         })
         .collect();
     match names.as_slice() {
-        [one] => one.clone(),
+        [single] => single.clone(),
         several => format!("a combination of {}", several.join(", ")),
     }
 }

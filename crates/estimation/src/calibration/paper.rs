@@ -43,8 +43,8 @@ struct Thinned {
 impl Thinned {
     fn new(problem: &ScaleProblem, mountings: &[Mounting]) -> Self {
         let all = &problem.cloud;
-        let kept = voxel::thin(&all.place(&poses(mountings)).world, problem.voxel_m);
-        let cloud = all.subset(&kept);
+        let indices = voxel::thin(&all.place(&poses(mountings)).world, problem.voxel_m);
+        let cloud = all.subset(&indices);
         let placed = cloud.place(&poses(mountings));
         let centres = (0..cloud.movable.len() as u32).step_by(problem.stride);
         let neighbourhoods = Neighbourhoods::search(&placed.world, centres.collect(), problem.k);

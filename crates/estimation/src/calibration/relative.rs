@@ -242,13 +242,13 @@ mod tests {
             common.view_mut((6 * i, 3), (3, 3)).copy_from(&arm);
         }
         let shared = &common * common.transpose() * 1e-6;
-        let own = DMatrix::identity(12, 12) * 1e-12;
-        let found = calibration(shared + own).relative().remove(0);
-        for sigma in found.sigma {
+        let separate = DMatrix::identity(12, 12) * 1e-12;
+        let relative = calibration(shared + separate).relative().remove(0);
+        for sigma in relative.sigma {
             // Two scanners of 1e-6, and the arm of 1.15 m between them.
-            assert!((1e-6..3e-6).contains(&sigma.unwrap()), "{found:?}");
+            assert!((1e-6..3e-6).contains(&sigma.unwrap()), "{relative:?}");
         }
-        assert!((found.first_from_scanner.translation_m.norm() - 1.1521).abs() < 1e-3);
+        assert!((relative.first_from_scanner.translation_m.norm() - 1.1521).abs() < 1e-3);
     }
 
     #[test]
@@ -270,16 +270,16 @@ mod tests {
 
     #[test]
     fn a_common_height_leaves_the_relative_mounting_determined_and_one_height_does_not() {
-        let mut found = calibration(DMatrix::identity(12, 12) * 1e-6);
+        let mut calibration = calibration(DMatrix::identity(12, 12) * 1e-6);
         let mut hold = |heights: [f64; 2]| {
             let direction = DVector::from_fn(12, |i, _| match i {
                 2 => heights[0],
                 8 => heights[1],
                 _ => 0.0,
             });
-            let held = UnobservableDirection::held(&direction, &found.mountings);
-            found.observability.unobservable = vec![held];
-            found.relative().remove(0).sigma
+            let held = UnobservableDirection::held(&direction, &calibration.mountings);
+            calibration.observability.unobservable = vec![held];
+            calibration.relative().remove(0).sigma
         };
         assert!(hold([1.0, 1.0]).iter().all(Option::is_some));
         assert!(hold([0.0, 1.0]).iter().any(Option::is_none));

@@ -107,9 +107,9 @@ impl ScannerSample {
             let time_s = self.profiles[profile(index) as usize].time_s;
             thinner.add(index, time_s, &world);
         }
-        let mut kept: Vec<u32> = thinner.kept.into_iter().map(|(index, _)| index).collect();
-        kept.sort_by_key(|&index| profile(index));
-        kept
+        let mut indices: Vec<u32> = thinner.kept.into_iter().map(|(index, _)| index).collect();
+        indices.sort_by_key(|&index| profile(index));
+        indices
     }
 }
 
@@ -218,19 +218,19 @@ impl<'a> Sampler<'a> {
     fn add(&mut self, point: &ScanPoint) {
         if let (time_s, Some(pose)) = self.georeferencer.body_at(point) {
             let body = self.mounting.body_from_scanner.map(&point.position_m);
-            let kept = (time_s, point.position_m);
-            self.thinner.add(kept, time_s, &pose.map(&body));
+            let timed = (time_s, point.position_m);
+            self.thinner.add(timed, time_s, &pose.map(&body));
         }
     }
 
     fn finish(self) -> Result<ScannerSample> {
         self.georeferencer.check(&self.mounting.name)?;
-        let mut kept = self.thinner.kept;
-        kept.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
+        let mut thinned = self.thinner.kept;
+        thinned.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
         let mut profiles: Vec<Profile> = Vec::new();
         let mut cursor = self.trajectory.cursor();
         // Every kept point has a pose, the same as when it was added.
-        let points = kept
+        let points = thinned
             .into_iter()
             .filter_map(|((time_s, position_m), count)| {
                 if profiles.last().is_none_or(|last| last.time_s != time_s) {

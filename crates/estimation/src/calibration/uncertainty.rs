@@ -318,10 +318,10 @@ mod tests {
             let change = frozen_gradient(&surface, &world) - &before;
             for (scanner, gradient) in sensitivity.gradients(l).iter().enumerate() {
                 let predicted = gradient * step;
-                let found = change.rows(6 * scanner, 6);
+                let moved = change.rows(6 * scanner, 6);
                 // Linear in the points: the only difference is rounding.
                 assert!(
-                    (predicted - found).amax() < 1e-9 * before.amax(),
+                    (predicted - moved).amax() < 1e-9 * before.amax(),
                     "point {l}"
                 );
             }
@@ -381,7 +381,7 @@ mod tests {
             frozen_gradient(&surface, &world) - &before
         };
         for (correlation_s, blocks) in [(5.0, 1), (0.15, 3)] {
-            let found = covariance_with(PoseUncertainty::Sigmas { correlation_s })
+            let covariance = covariance_with(PoseUncertainty::Sigmas { correlation_s })
                 - covariance_with(PoseUncertainty::None);
             let mut expected = DMatrix::zeros(12, 12);
             for (axis, block) in (0..6).flat_map(|axis| (0..blocks).map(move |b| (axis, b))) {
@@ -389,7 +389,7 @@ mod tests {
                 expected += &change * change.transpose();
             }
             // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.
-            assert!((&found - &expected).amax() < 1e-3 * expected.amax());
+            assert!((&covariance - &expected).amax() < 1e-3 * expected.amax());
         }
     }
 }

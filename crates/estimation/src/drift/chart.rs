@@ -197,9 +197,9 @@ mod tests {
     fn after_an_alarm_the_chart_continues_from_the_new_state_and_reports_it_as_off() {
         let mut days = BEFORE.to_vec();
         days.extend([20.2, 19.6, 20.3, 19.9]);
-        let found = chart(&days);
-        assert_eq!(alarms(&found), ["07"]);
-        let alarm = &found.alarms[0];
+        let scanner = chart(&days);
+        assert_eq!(alarms(&scanner), ["07"]);
+        let alarm = &scanner.alarms[0];
         assert_eq!(alarm.last_within.as_deref(), Some("2025-05-06"));
         // From the mean of the first five days.
         assert!((alarm.change[0].unwrap() / SIGMA - (20.2 - 0.04)).abs() < 1e-9);
@@ -209,11 +209,11 @@ mod tests {
         assert!((alarm.cost.total_m / SIGMA - 2.0 * 20.16).abs() < 1e-9);
         assert!((alarm.cost.normal_sigma_m / SIGMA - expected).abs() < 1e-9);
         assert!((alarm.cost.vertical_m / alarm.cost.normal_m - 0.5).abs() < 1e-12);
-        let off = found.off.as_ref().unwrap();
+        let off = scanner.off.as_ref().unwrap();
         assert_eq!(off.since, "2025-05-07");
         assert!((off.offset[0].unwrap() / SIGMA - (20.0 - 0.04)).abs() < 1e-9);
-        assert_eq!(found.days[0].t2, None);
-        assert_eq!((found.days[5].state, found.days[6].state), (0, 1));
+        assert_eq!(scanner.days[0].t2, None);
+        assert_eq!((scanner.days[5].state, scanner.days[6].state), (0, 1));
     }
 
     #[test]
@@ -232,19 +232,19 @@ mod tests {
     fn a_scanner_that_comes_back_is_not_off() {
         let mut days = BEFORE.to_vec();
         days.extend([20.0, 0.1, -0.2]);
-        let found = chart(&days);
-        assert_eq!(alarms(&found), ["07", "08"]);
-        assert_eq!(found.off, None);
-        assert_eq!(found.days[8].state, 2);
+        let scanner = chart(&days);
+        assert_eq!(alarms(&scanner), ["07", "08"]);
+        assert_eq!(scanner.off, None);
+        assert_eq!(scanner.days[8].state, 2);
     }
 
     #[test]
     fn two_knocks_are_off_since_the_first() {
         let mut days = BEFORE.to_vec();
         days.extend([20.0, 20.1, 50.0, 50.2]);
-        let found = chart(&days);
-        assert_eq!(alarms(&found), ["07", "09"]);
-        assert_eq!(found.off.unwrap().since, "2025-05-07");
+        let scanner = chart(&days);
+        assert_eq!(alarms(&scanner), ["07", "09"]);
+        assert_eq!(scanner.off.unwrap().since, "2025-05-07");
     }
 
     #[test]
@@ -257,13 +257,13 @@ mod tests {
             determined: [true; 6],
         };
         let settings = strict();
-        let found = Chart::new(&drives(&[20.0, 20.1]), &[base], &settings).unwrap();
-        let found = &found.scanners[0];
+        let charts = Chart::new(&drives(&[20.0, 20.1]), &[base], &settings).unwrap();
+        let scanner = &charts.scanners[0];
         assert_eq!(
-            (alarms(found), &found.alarms[0].last_within),
+            (alarms(scanner), &scanner.alarms[0].last_within),
             (vec!["01"], &None)
         );
-        assert_eq!(found.off.as_ref().unwrap().since, "2025-05-01");
+        assert_eq!(scanner.off.as_ref().unwrap().since, "2025-05-01");
     }
 
     #[test]
@@ -275,13 +275,13 @@ mod tests {
         };
         let mut days = BEFORE.to_vec();
         days.extend([20.0, 19.0, -11.0]);
-        let found = Chart::new(&drives(&days), &[], &loose).unwrap();
-        let found = &found.scanners[0];
-        assert_eq!(alarms(found), Vec::<&str>::new());
+        let charts = Chart::new(&drives(&days), &[], &loose).unwrap();
+        let scanner = &charts.scanners[0];
+        assert_eq!(alarms(scanner), Vec::<&str>::new());
         // (20 − 0.04)² over (100 + 1) (1 + a mean of five).
         let expected = 19.96_f64.powi(2) / (101.0 * (1.0 + variance_of_mean(5.0)));
-        assert!((found.days[6].t2.unwrap() - expected).abs() < 1e-9);
-        assert!((found.days[6].sigma[0].unwrap() / SIGMA - 1.0).abs() < 1e-9);
+        assert!((scanner.days[6].t2.unwrap() - expected).abs() < 1e-9);
+        assert!((scanner.days[6].sigma[0].unwrap() / SIGMA - 1.0).abs() < 1e-9);
     }
 
     #[test]
@@ -292,13 +292,13 @@ mod tests {
             day([2.0 * SIGMA, 0.0, 0.0, 0.0, 0.0, 0.0]),
         ));
         let settings = strict();
-        let found = Chart::new(&all, &[], &settings).unwrap();
-        let last = &found.scanners[0].days[2];
+        let charts = Chart::new(&all, &[], &settings).unwrap();
+        let last = &charts.scanners[0].days[2];
         assert_eq!(last.drives, 2);
         assert!((last.offset[0].unwrap() / SIGMA - 1.5).abs() < 1e-9);
         assert!((last.sigma[0].unwrap() / SIGMA - variance_of_mean(2.0).sqrt()).abs() < 1e-9);
         all.swap(0, 2);
-        assert_eq!(Chart::new(&all, &[], &settings).unwrap(), found);
+        assert_eq!(Chart::new(&all, &[], &settings).unwrap(), charts);
     }
 
     #[test]
@@ -311,12 +311,12 @@ mod tests {
         let text = serde_json::to_string(&chart).unwrap();
         let back: Chart = serde_json::from_str(&text).unwrap();
         // The last bit of a number may be lost.
-        let (found, expected) = (&back.scanners[0], &chart.scanners[0]);
-        assert_eq!(alarms(found), ["03"]);
-        assert_eq!((found.days.len(), back.settings), (4, chart.settings));
+        let (scanner, expected) = (&back.scanners[0], &chart.scanners[0]);
+        assert_eq!(alarms(scanner), ["03"]);
+        assert_eq!((scanner.days.len(), back.settings), (4, chart.settings));
         let change = |chart: &ScannerChart| chart.alarms[0].change[0].unwrap();
-        assert!((change(found) / change(expected) - 1.0).abs() < 1e-15);
-        assert_eq!(found.off.as_ref().unwrap().since, "2025-05-03");
+        assert!((change(scanner) / change(expected) - 1.0).abs() < 1e-15);
+        assert_eq!(scanner.off.as_ref().unwrap().since, "2025-05-03");
     }
 
     #[test]

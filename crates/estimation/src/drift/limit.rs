@@ -32,15 +32,15 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// The difference `one` − `other`; `None` if no component is determined by both.
-    pub fn new(one: &Estimate, other: &Estimate) -> Option<Self> {
-        let determined = std::array::from_fn(|i| one.determined[i] && other.determined[i]);
+    /// The difference `first` − `second`; `None` if no component is determined by both.
+    pub fn new(first: &Estimate, second: &Estimate) -> Option<Self> {
+        let determined = std::array::from_fn(|i| first.determined[i] && second.determined[i]);
         let rows: Vec<usize> = (0..6).filter(|&i| determined[i]).collect();
         let size = rows.len();
         let part = |c: &Matrix6<f64>| DMatrix::from_fn(size, size, |i, j| c[(rows[i], rows[j])]);
-        let parts = [part(&one.covariance), part(&other.covariance)];
+        let parts = [part(&first.covariance), part(&second.covariance)];
         let factor = (&parts[0] + &parts[1]).cholesky()?;
-        let d = DVector::from_fn(size, |i, _| one.offset[rows[i]] - other.offset[rows[i]]);
+        let d = DVector::from_fn(size, |i, _| first.offset[rows[i]] - second.offset[rows[i]]);
         if size == 0 {
             return None;
         }
@@ -51,7 +51,10 @@ impl Difference {
             let share = factor.solve(c);
             ((&share * &share).trace() + share.trace().powi(2)) / degrees
         };
-        let spreads = parts.iter().zip([one.degrees, other.degrees]).map(spread);
+        let spreads = parts
+            .iter()
+            .zip([first.degrees, second.degrees])
+            .map(spread);
         let degrees = (p + p * p) / spreads.sum::<f64>();
         let (mut offset, mut covariance) = (Vector6::zeros(), Matrix6::zeros());
         for (i, &row) in rows.iter().enumerate() {
@@ -100,21 +103,24 @@ pub fn mean(all: &[Estimate]) -> Option<Estimate> {
     }
     let weights: Option<Vec<Matrix6<f64>>> = all
         .iter()
-        .map(|one| Some(one.covariance.cholesky()?.inverse()))
+        .map(|estimate| Some(estimate.covariance.cholesky()?.inverse()))
         .collect();
     let weights = weights?;
     let pairs = || all.iter().zip(&weights);
     let least = weights.iter().sum::<Matrix6<f64>>().cholesky()?.inverse();
-    let chance = pairs().map(|(one, weight)| {
-        let known = one.determined.iter().filter(|known| **known).count() as f64;
-        (weight - weight * least * weight) * (2.0 * (known + 1.0) / one.degrees)
+    let chance = pairs().map(|(estimate, weight)| {
+        let known = estimate.determined.iter().filter(|known| **known).count() as f64;
+        (weight - weight * least * weight) * (2.0 * (known + 1.0) / estimate.degrees)
     });
     let covariance = least + least * chance.sum::<Matrix6<f64>>() * least;
     Some(Estimate {
-        offset: least * pairs().map(|(one, w)| w * one.offset).sum::<Vector6<f64>>(),
+        offset: least
+            * pairs()
+                .map(|(estimate, w)| w * estimate.offset)
+                .sum::<Vector6<f64>>(),
         covariance: 0.5 * (covariance + covariance.transpose()),
-        determined: std::array::from_fn(|i| all.iter().any(|one| one.determined[i])),
-        degrees: all.iter().map(|one| one.degrees).sum(),
+        determined: std::array::from_fn(|i| all.iter().any(|estimate| estimate.determined[i])),
+        degrees: all.iter().map(|estimate| estimate.degrees).sum(),
     })
 }
 
@@ -133,36 +139,36 @@ mod tests {
 
     #[test]
     fn t_square_of_known_covariances() {
-        let one = estimate([3e-3, 0.0, 0.0, 0.0, 4e-3, 0.0], 6e-4, KNOWN);
-        let other = estimate([0.0; 6], 8e-4, KNOWN);
-        let found = Difference::new(&one, &other).unwrap();
+        let first = estimate([3e-3, 0.0, 0.0, 0.0, 4e-3, 0.0], 6e-4, KNOWN);
+        let second = estimate([0.0; 6], 8e-4, KNOWN);
+        let difference = Difference::new(&first, &second).unwrap();
         // σ² = 0.36 + 0.64, d² = 9 + 16.
-        assert!((found.t2 - 25.0).abs() < 1e-9);
-        assert!((found.sigma()[0].unwrap() - 1e-3).abs() < 1e-15);
+        assert!((difference.t2 - 25.0).abs() < 1e-9);
+        assert!((difference.sigma()[0].unwrap() - 1e-3).abs() < 1e-15);
         // χ² with six degrees of freedom exceeds 16.812 by 1 %.
-        assert!((found.limit(0.01) - 16.812).abs() < 2e-3);
+        assert!((difference.limit(0.01) - 16.812).abs() < 2e-3);
     }
 
     #[test]
     fn components_that_are_not_determined_are_left_out() {
-        let mut one = estimate([3e-3, 1.0, 0.0, 0.0, 4e-3, 2.0], 1e-3, KNOWN);
-        one.determined[1] = false;
-        let mut other = estimate([0.0; 6], 1e-9, KNOWN);
-        other.determined[5] = false;
-        let found = Difference::new(&one, &other).unwrap();
-        assert!((found.t2 - 25.0).abs() < 1e-6, "{}", found.t2);
-        assert_eq!((found.offset[1], found.sigma()[5]), (0.0, None));
+        let mut first = estimate([3e-3, 1.0, 0.0, 0.0, 4e-3, 2.0], 1e-3, KNOWN);
+        first.determined[1] = false;
+        let mut second = estimate([0.0; 6], 1e-9, KNOWN);
+        second.determined[5] = false;
+        let difference = Difference::new(&first, &second).unwrap();
+        assert!((difference.t2 - 25.0).abs() < 1e-6, "{}", difference.t2);
+        assert_eq!((difference.offset[1], difference.sigma()[5]), (0.0, None));
         // Four degrees: 13.277.
-        assert!((found.limit(0.01) - 13.277).abs() < 2e-3);
-        one.determined = [false; 6];
-        assert!(Difference::new(&one, &other).is_none());
+        assert!((difference.limit(0.01) - 13.277).abs() < 2e-3);
+        first.determined = [false; 6];
+        assert!(Difference::new(&first, &second).is_none());
     }
 
     #[test]
     fn degrees_are_those_of_the_larger_covariance() {
-        let one = estimate([0.0; 6], 1e-3, 30.0);
+        let first = estimate([0.0; 6], 1e-3, 30.0);
         let with = |sigma, degrees| {
-            Difference::new(&one, &estimate([0.0; 6], sigma, degrees))
+            Difference::new(&first, &estimate([0.0; 6], sigma, degrees))
                 .unwrap()
                 .degrees
         };
@@ -198,8 +204,8 @@ mod tests {
         // 1 % of 4000 differences of nothing exceed the limit: 40, with a standard deviation of 6.
         let mut rng = seeded();
         let exceeded = (0..4000).filter(|_| {
-            let found = Difference::new(&drawn(20, &mut rng), &drawn(20, &mut rng)).unwrap();
-            found.t2 > found.limit(0.01)
+            let difference = Difference::new(&drawn(20, &mut rng), &drawn(20, &mut rng)).unwrap();
+            difference.t2 > difference.limit(0.01)
         });
         let count = exceeded.count();
         assert!((22..=60).contains(&count), "{count}");
@@ -213,9 +219,9 @@ mod tests {
         let (mut squares, mut variances) = (0.0, 0.0);
         for _ in 0..2000 {
             let all: Vec<Estimate> = (0..6).map(|_| drawn(40, &mut rng)).collect();
-            let found = mean(&all).unwrap();
-            squares += found.offset.norm_squared();
-            variances += found.covariance.trace();
+            let mean = mean(&all).unwrap();
+            squares += mean.offset.norm_squared();
+            variances += mean.covariance.trace();
         }
         let ratio = variances / squares;
         assert!((ratio - 1.0).abs() < 0.06, "{ratio}");
@@ -223,14 +229,14 @@ mod tests {
 
     #[test]
     fn a_mean_weighs_by_covariance() {
-        let one = estimate([1.0; 6], 1e-3, 10.0);
-        let other = estimate([4.0; 6], 2e-3, 20.0);
-        let found = mean(&[one, other]).unwrap();
+        let first = estimate([1.0; 6], 1e-3, 10.0);
+        let second = estimate([4.0; 6], 2e-3, 20.0);
+        let combined = mean(&[first, second]).unwrap();
         // Weights 4/5 and 1/5; the variance is larger by the share 2 (6 + 1) (0.8 · 0.2 / 10 + 0.2 · 0.8 / 20).
-        assert!((found.offset - Vector6::repeat(1.6)).norm() < 1e-9);
-        assert!((found.covariance[(2, 2)] - 0.8e-6 * 1.336).abs() < 1e-15);
-        assert_eq!(found.degrees, 30.0);
-        assert_eq!(mean(&[one]), Some(one));
+        assert!((combined.offset - Vector6::repeat(1.6)).norm() < 1e-9);
+        assert!((combined.covariance[(2, 2)] - 0.8e-6 * 1.336).abs() < 1e-15);
+        assert_eq!(combined.degrees, 30.0);
+        assert_eq!(mean(&[first]), Some(first));
         assert_eq!(mean(&[]), None);
     }
 }

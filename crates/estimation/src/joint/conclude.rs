@@ -271,7 +271,7 @@ fn bending_variances<'a>(
                 for (b, y) in causes.iter().enumerate() {
                     let part = of_causes
                         .as_ref()
-                        .map_or(f64::NAN, |of| of[(6 * a + i, 6 * b + i)]);
+                        .map_or(f64::NAN, |covariance| covariance[(6 * a + i, 6 * b + i)]);
                     variance += x * y * part;
                 }
             }

@@ -230,11 +230,11 @@ pub struct PoseMove {
 #[derive(Debug, Clone, Default)]
 pub struct JointReport {
     /// The result; `None` if the adjustment failed.
-    pub found: Option<Joint>,
+    pub result: Option<Joint>,
     /// Reasons why its values are not those of the run, gravest first; empty if they are.
     pub refused: Vec<String>,
     /// Verdicts on contradictions in the logs of the other drives, and on a reference that does not fit the drives.
-    pub said: Vec<Verdict>,
+    pub verdicts: Vec<Verdict>,
     /// Scanners whose profiles are later than the project says, and were corrected.
     pub late: Vec<LateScanner>,
     /// Run time, seconds.
@@ -271,7 +271,7 @@ impl LateScanner {
 impl JointReport {
     /// The adjustment whose values are reported.
     pub fn accepted(&self) -> Option<&Joint> {
-        self.found.as_ref().filter(|_| self.refused.is_empty())
+        self.result.as_ref().filter(|_| self.refused.is_empty())
     }
 }
 
@@ -356,7 +356,7 @@ impl Joint {
     }
 }
 
-stored!(struct JointReport { found, refused, said, late, seconds });
+stored!(struct JointReport { result, refused, verdicts, late, seconds });
 stored!(struct Joint {
     mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
     drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,

@@ -1,23 +1,23 @@
-//! The mistakes that are tried where scans do not make a surface.
+//! The mistakes that are tried where scans do not form a surface.
 
 use super::TIME_SCALES_S;
 use crate::calibration::Mounting;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
 
-/// One way in which the project may be meant.
+/// The project without one of the usual mistakes.
 pub struct Alternative {
     /// Mountings without the mistake.
     pub poses: Vec<BodyFromScanner>,
     /// What is added to the times of the scanners, seconds.
     pub late_s: f64,
-    /// Of the verdict.
+    /// Code of the verdict.
     pub code: &'static str,
-    /// The mistake, after "only so much remains".
+    /// The mistake, in words that follow "Only 0.02 m remain".
     pub text: String,
 }
 
-/// The usual mistakes about mountings and clocks of scanners.
-pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alternative> {
+/// The usual mistakes in mountings and clocks of scanners; `nominal` are those of the project.
+pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<Alternative> {
     let mut all = Vec::new();
     let mut add = |poses: Vec<BodyFromScanner>, code, text: String| {
         all.push(Alternative {
@@ -29,41 +29,43 @@ pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alte
     };
     let inverse =
         |pose: &BodyFromScanner| BodyFromScanner::new(pose.rotation.inverse(), pose.translation_m);
-    let other = |convention| match convention {
+    let other_convention = |convention| match convention {
         EulerConvention::Bonn => "zyx",
         EulerConvention::Zyx => "bonn",
     };
-    let convention = mountings.first().map_or("zyx", |m| other(m.convention));
+    let convention = mountings
+        .first()
+        .map_or("zyx", |m| other_convention(m.convention));
     add(
-        own.iter().map(inverse).collect(),
+        nominal.iter().map(inverse).collect(),
         "scanner.convention",
         format!(
             "with the inverse rotations: write rotation_convention = \"{convention}\", or invert the quaternions."
         ),
     );
-    for i in 0..own.len() {
+    for i in 0..nominal.len() {
         let name = &mountings[i].name;
-        if own.len() > 1 {
-            let mut poses = own.to_vec();
+        if nominal.len() > 1 {
+            let mut poses = nominal.to_vec();
             poses[i] = inverse(&poses[i]);
             let text = format!(
                 "with the inverse rotation of scanner `{name}`: write rotation_convention = \"{}\" there.",
-                other(mountings[i].convention)
+                other_convention(mountings[i].convention)
             );
             add(poses, "scanner.convention", text);
         }
-        for (j, other) in mountings.iter().enumerate().skip(i + 1) {
-            let mut poses = own.to_vec();
+        for (j, second) in mountings.iter().enumerate().skip(i + 1) {
+            let mut poses = nominal.to_vec();
             poses.swap(i, j);
             let text = format!(
                 "with the profiles of `{name}` and `{}` exchanged: the files, or the mountings, are those of \
                  the other scanner.",
-                other.name
+                second.name
             );
             add(poses, "scanner.swapped", text);
         }
         for (axis, axis_name) in ["x", "y", "z"].into_iter().enumerate() {
-            let mut poses = own.to_vec();
+            let mut poses = nominal.to_vec();
             poses[i].translation_m[axis] *= -1.0;
             let text = format!(
                 "with the other sign of {axis_name} in the translation of scanner `{name}`."
@@ -75,7 +77,7 @@ pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alte
             ("y", Vec3::y_axis()),
             ("z", Vec3::z_axis()),
         ] {
-            let mut poses = own.to_vec();
+            let mut poses = nominal.to_vec();
             poses[i].rotation *= Rotation::from_axis_angle(&turn, std::f64::consts::PI);
             let text = format!("with scanner `{name}` turned by 180° about its {axis} axis.");
             add(poses, "scanner.rotation", text);
@@ -85,7 +87,7 @@ pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alte
         (Vec3::new(1.0, -1.0, -1.0), "y and z"),
         (Vec3::new(1.0, 1.0, -1.0), "z"),
     ] {
-        let poses = own.iter().map(|pose| {
+        let poses = nominal.iter().map(|pose| {
             BodyFromScanner::new(pose.rotation, pose.translation_m.component_mul(&signs))
         });
         let text = format!(
@@ -99,7 +101,7 @@ pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alte
         BodyFromScanner::new(half_turn * pose.rotation, half_turn * pose.translation_m)
     };
     add(
-        own.iter().map(other_axes).collect(),
+        nominal.iter().map(other_axes).collect(),
         "scanner.axes",
         "with mountings whose y and z are negated: they are given in FLU and the body is FRD, or the other \
          way round."
@@ -112,7 +114,7 @@ pub fn alternatives(mountings: &[Mounting], own: &[BodyFromScanner]) -> Vec<Alte
                  time_offset_s = {late_s:.1} for each scanner."
             );
             all.push(Alternative {
-                poses: own.to_vec(),
+                poses: nominal.to_vec(),
                 late_s,
                 code: "scanner.time_offset",
                 text,

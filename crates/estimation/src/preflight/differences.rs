@@ -1,10 +1,10 @@
-//! Fourth differences: what neighbouring values of a smooth course scatter by.
+//! Fourth differences: how much neighbouring values scatter about a smooth course.
 
-/// Values of a difference.
+/// Number of values in a difference.
 pub const VALUES: usize = 5;
 
-/// Weights of the values at these times whose sum is zero for cubic courses and scatters like one value: wᵢ ∝
-/// 1/∏ⱼ(tᵢ − tⱼ) of unit length; `None` where the times do not increase.
+/// Weights of the values at these times, such that the weighted sum is zero for a cubic course and scatters
+/// like a single value: wᵢ ∝ 1/∏ⱼ(tᵢ − tⱼ), of unit length. `None` where the times do not increase.
 pub fn weights(times_s: [f64; VALUES]) -> Option<[f64; VALUES]> {
     if times_s.windows(2).any(|pair| pair[1] <= pair[0]) {
         return None;
@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_of_a_cubic_course_is_left_and_one_value_counts_once() {
+    fn a_cubic_course_vanishes_and_the_weights_have_unit_length() {
         let times_s = [0.0, 0.1, 0.25, 0.3, 0.42];
         let weights = weights(times_s).expect("times that increase");
         let cubic = times_s.map(|t| 2.0 - 3.0 * t + t * t - 4.0 * t * t * t);

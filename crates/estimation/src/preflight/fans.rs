@@ -1,4 +1,4 @@
-//! Where scanners look: neither at the sky nor at the robot.
+//! Where scanners look: they should see neither the sky nor the robot.
 
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
@@ -8,24 +8,25 @@ use crate::verdict::Verdict;
 
 /// A ray that rises by this share of its length looks up.
 const RISING: f64 = 0.1;
-/// A scanner looks up where this share of its points does.
-const MOST: f64 = 0.9;
-/// Rays of one direction to this part of the unit sphere are compared.
+/// A scanner looks up if this share of its rays does.
+const MOST_RISING: f64 = 0.9;
+/// Rays are compared that have the same direction, to cells of this size on the unit sphere.
 const DIRECTION: f64 = 0.02;
 /// Fewest points of a direction.
 const MIN_POINTS: usize = 50;
-/// What moves along is always as far away, to this spread of the middle half, metres; the ground is not.
+/// A part of the robot always has the same range: the middle half of the ranges spreads by less, metres.
 const SAME_M: f64 = 0.004;
-const OTHERS_M: f64 = 0.02;
-/// Least share of points that is worth mentioning.
+/// The ground does not: in a typical direction the middle half of the ranges spreads by more, metres.
+const VARYING_M: f64 = 0.02;
+/// Smallest share of points that is worth mentioning.
 const LEAST_SHARE: f64 = 0.02;
-/// Most points of a scanner that are looked at.
+/// Largest number of points of a scanner that are examined.
 const MAX_POINTS: usize = 100_000;
 
-/// What the directions and ranges of the points contradict.
+/// Verdicts on scanners that look up or see the robot.
 pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
     let scanners = mountings.iter().zip(samples);
-    let found = scanners.flat_map(|(mounting, sample)| {
+    let verdicts = scanners.flat_map(|(mounting, sample)| {
         let name = &mounting.name;
         let rotation = mounting.body_from_scanner.rotation;
         let rises = |point: &ProfilePoint| {
@@ -34,41 +35,44 @@ pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
             ray.z > RISING * ray.norm()
         };
         let rising = share(sample, rises);
-        let upward = (rising > MOST).then(|| {
+        let upward = (rising > MOST_RISING).then(|| {
             let text = format!(
                 "As it is mounted, scanner `{name}` looks upwards: {:.0} % of its points lie higher \
-                 than itself. Check rotation, rotation_convention and frame.body.",
+                 than the scanner itself. Check rotation, rotation_convention and frame.body.",
                 100.0 * rising
             );
             Verdict::care("scanner.upward", text).with_value(rising, None)
         });
-        let carried = carried(sample).map(|share| {
+        let robot = share_on_robot(sample).map(|share| {
             let text = format!(
-                "{:.0} % of the points of scanner `{name}` are always as far away while the ground is not: it \
-                 sees the robot. Leave these points out of the profiles.",
+                "{:.0} % of the points of scanner `{name}` have the same range all along the drive, unlike those \
+                 on the ground: it sees the robot. Leave these points out of the profiles.",
                 100.0 * share
             );
             Verdict::care("scanner.robot", text).with_value(share, None)
         });
-        upward.into_iter().chain(carried)
+        upward.into_iter().chain(robot)
     });
-    found.collect()
+    verdicts.collect()
 }
 
-fn some(sample: &ScannerSample) -> impl Iterator<Item = &ProfilePoint> {
+/// At most [`MAX_POINTS`] points of a scanner, evenly chosen.
+fn examined(sample: &ScannerSample) -> impl Iterator<Item = &ProfilePoint> {
     let every = sample.points.len().div_ceil(MAX_POINTS).max(1);
     sample.points.iter().step_by(every)
 }
 
-fn share(sample: &ScannerSample, is_one: impl Fn(&ProfilePoint) -> bool) -> f64 {
-    let all = some(sample).count();
-    some(sample).filter(|point| is_one(point)).count() as f64 / all.max(1) as f64
+/// The share of points for which a condition holds.
+fn share(sample: &ScannerSample, holds: impl Fn(&ProfilePoint) -> bool) -> f64 {
+    let all = examined(sample).count();
+    examined(sample).filter(|point| holds(point)).count() as f64 / all.max(1) as f64
 }
 
-/// The share of points in directions in which the range stays the same, if it does not in others.
-fn carried(sample: &ScannerSample) -> Option<f64> {
+/// The share of points in directions in which the range stays the same, if it varies in a typical
+/// direction.
+fn share_on_robot(sample: &ScannerSample) -> Option<f64> {
     let mut ranges: VoxelMap<VoxelKey, Vec<f64>> = VoxelMap::default();
-    for point in some(sample) {
+    for point in examined(sample) {
         let range_m = point.position_m.norm();
         let key = voxel_key(&(point.position_m / range_m), DIRECTION);
         ranges.entry(key).or_default().push(range_m);
@@ -84,7 +88,7 @@ fn carried(sample: &ScannerSample) -> Option<f64> {
     let same: usize = same.map(|(_, count)| count).sum();
     let share = same as f64 / all.max(1) as f64;
     let typical_m = median(spreads.iter().map(|(spread_m, _)| *spread_m))?;
-    (share > LEAST_SHARE && typical_m > OTHERS_M).then_some(share)
+    (share > LEAST_SHARE && typical_m > VARYING_M).then_some(share)
 }
 
 #[cfg(test)]
@@ -122,8 +126,8 @@ mod tests {
 
     fn codes(rotation: Vec3, on_robot: usize) -> Vec<String> {
         let pose = BodyFromScanner::new(so3::exp(&rotation), Vec3::zeros());
-        let found = fans(&[Mounting::new("left", pose)], &[sample(on_robot)]);
-        found.into_iter().map(|verdict| verdict.code).collect()
+        let verdicts = fans(&[Mounting::new("left", pose)], &[sample(on_robot)]);
+        verdicts.into_iter().map(|verdict| verdict.code).collect()
     }
 
     #[test]

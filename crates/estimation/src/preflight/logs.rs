@@ -13,19 +13,20 @@ use crate::verdict::Verdict;
 
 /// A median specific force within this share of a unit's gravity is in that unit.
 const GRAVITY_SHARE: f64 = 0.15;
-/// The mean specific force lies along the body's vertical axis to this cosine, or the axes are others.
+/// The cosine between the mean specific force and the body's upward axis is at least this, or the axes are
+/// not those of the project.
 const LEAST_COSINE: f64 = 0.7;
-/// Mean direction cosines beyond this show that two angles go together.
+/// The mean vector of the directions of an angle is at least this long where the angle stays the same.
 const CONCENTRATED: f64 = 0.8;
-/// Nothing on the ground moves as fast, m/s.
+/// Nothing on the ground moves faster, m/s.
 const FASTEST_M_S: f64 = 60.0;
-/// Noise of positions beyond this many times their standard deviation is a unit, not noise.
+/// Noise of positions beyond this many times their standard deviation means a wrong unit.
 const NOISE_FACTOR: f64 = 100.0;
 
-/// Code of headings that turn the wrong way: nothing can be done with them.
+/// Code of the verdict on headings that turn the wrong way and cannot be used.
 pub const HEADING_SIGN: &str = "heading.sign";
 
-/// What the logs contradict in the settings, the gravest first.
+/// Verdicts on settings that the logs contradict.
 ///
 /// # Errors
 /// Specific forces in g, angular rates in degrees, headings in radians, positions in millimetres.
@@ -41,8 +42,8 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
     let turns_back = by_heading.is_some_and(|ratio| ratio.is_about(-1.0));
     if turns_back && up.dot(&settings.axes.up()) < -LEAST_COSINE {
         return Err(Error::data(
-            "the accelerations point the wrong way: with them for gravity, the headings turn to the left \
-             where the gyro turns to the right",
+            "the accelerations point the wrong way: if they show gravity, the headings turn to the left where \
+             the gyro turns to the right",
             "negate the accelerations: at rest, the specific force points upwards",
         ));
     }
@@ -52,7 +53,7 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
         if is_in_radians(logs.heading) && is_less {
             return Err(Error::data(
                 "the headings lie between 0 and 6.3° while the body turns by more: they are in radians",
-                "name the column heading_rad, and they are converted",
+                "name the column heading_rad, then they are converted",
             ));
         } else if ratio.is_about(1f64.to_radians()) {
             return Err(gyro_in_degrees("the headings turn"));
@@ -105,15 +106,15 @@ pub enum Log {
 /// A log whose clock is seconds off.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LateLog {
-    /// Which.
+    /// The log.
     pub log: Log,
     /// By how much its stamps are late, seconds.
     pub late_s: f64,
-    /// What is said.
+    /// The verdict on it.
     pub verdict: Verdict,
 }
 
-/// Logs that turn with the gyro seconds earlier or later than they say.
+/// Logs that turn with the gyro, but seconds earlier or later than their stamps say.
 pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<LateLog> {
     let Ok(up) = check_forces(logs.imu) else {
         return Vec::new();
@@ -128,7 +129,7 @@ pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<La
         .iter()
         .filter_map(|(log, name, angles)| Some((*log, *name, turned.late_by(angles)?)));
     let late: Vec<(Log, &str, f64)> = late.collect();
-    // Where all others agree, it is the clock of the IMU.
+    // If all other logs are late by the same time, the clock of the IMU is off.
     if let [(_, _, first_s), .., (_, _, last_s)] = late[..]
         && late.len() == streams.len()
         && (first_s - last_s).abs() < SAME_LATENCY_S
@@ -151,7 +152,7 @@ impl LateLog {
             format!(" ({scales} differ by {seconds} s)")
         });
         let text = format!(
-            "By its turns, `{name}` is {:.1} s {} than the other logs{why}: a run corrects it. Add {:+.1} to \
+            "Judging by its turns, `{name}` is {:.1} s {} than the other logs{why}: a run corrects it. Add {:+.1} to \
              [{name}] time_offset_s.",
             late_s.abs(),
             if late_s > 0.0 { "later" } else { "earlier" },
@@ -166,15 +167,15 @@ impl LateLog {
     }
 }
 
-/// Noise of neighbouring fixes beyond the standard deviation by this factor is stated wrongly.
+/// A standard deviation is stated wrongly if neighbouring fixes scatter by more than this factor times it.
 pub const STATED_FACTOR: f64 = 4.0;
 
-/// Fixes of a longer time are not neighbours: the motion would count as noise, seconds.
+/// Fixes over a longer time are not neighbours: their motion would count as noise, seconds.
 const NEIGHBOURS_S: f64 = 1.2;
 
 /// The factors on the standard deviations of a position log, east, north, up, that the noise of neighbouring
-/// fixes asks for, where one of them is much larger than stated. Fourth differences leave nothing of a
-/// smooth motion.
+/// fixes asks for, where one of them is much larger than stated. The noise is that of fourth
+/// differences, which remove a smooth motion.
 pub fn position_noise(
     fixes: &[PositionFix],
     position: &PositionSettings,
@@ -206,7 +207,7 @@ pub fn position_noise(
     Some((factors, verdict.with_value(factors.max(), None)))
 }
 
-/// The scatter of [`VALUES`] fixes, see [`differences`]; `None` where they are no neighbours.
+/// The scatter of [`VALUES`] fixes, see [`differences`]; `None` where they are not neighbours.
 fn fourth_difference(fixes: &[PositionFix]) -> Option<Vec3> {
     let fixes: &[PositionFix; VALUES] = fixes.try_into().ok()?;
     let times_s = fixes.map(|fix| fix.time_s);
@@ -219,7 +220,7 @@ fn fourth_difference(fixes: &[PositionFix]) -> Option<Vec3> {
 /// The direction of the mean specific force in the body.
 ///
 /// # Errors
-/// Its median length is that of another unit.
+/// Its median length shows another unit than m/s².
 fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
     let length = median(imu.iter().map(|sample| sample.accel_m_s2.norm())).unwrap_or(f64::NAN);
     let is_about = |gravity: f64| (length / gravity - 1.0).abs() < GRAVITY_SHARE;
@@ -230,7 +231,7 @@ fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
                     "the median specific force of the IMU is {length:.4} m/s²: the log is in {unit}"
                 ),
                 format!(
-                    "name the columns accel_x_{unit}, accel_y_{unit}, accel_z_{unit}, and they are converted"
+                    "name the columns accel_x_{unit}, accel_y_{unit}, accel_z_{unit}, then they are converted"
                 ),
             ));
         }
@@ -241,37 +242,37 @@ fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
 
 fn gyro_in_degrees(what: &str) -> Error {
     Error::data(
-        format!("{what} by 1/57 of what the gyro says: its log is in degrees per second"),
-        "name the columns gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s, and they are converted",
+        format!("{what} by 1/57 of what the gyro says: the gyro's log is in degrees per second"),
+        "name the columns gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s, then they are converted",
     )
 }
 
-/// Whether the specific force points where the body's upward axis does.
+/// The verdict on axes of the body whose upward axis the specific force contradicts.
 fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
     let cosine = up.dot(&settings.axes.up());
     if cosine > LEAST_COSINE {
         return None;
     }
-    let (is, other, points) = match settings.axes {
+    let (given, other, points) = match settings.axes {
         BodyAxes::Frd => ("FRD", "FLU", "up"),
         BodyAxes::Flu => ("FLU", "FRD", "down"),
     };
     let is_opposite = cosine < -LEAST_COSINE;
     let text = if is_opposite {
         format!(
-            "By gravity the z axis of the IMU points {points}, and frame.body is \"{is}\": write body = \
-             \"{other}\"."
+            "According to gravity, the z axis of the IMU points {points}, but frame.body is \"{given}\": write \
+             body = \"{other}\"."
         )
     } else {
         let axis = up.iamax();
         format!(
-            "By gravity the {} axis of the IMU is the vertical one, and with frame.body = \"{is}\" it is z: \
+            "According to gravity, the {} axis of the IMU is vertical, but with frame.body = \"{given}\" it is z: \
              are the columns of the IMU exchanged, or is it mounted on its side? Rotate its log into body \
              axes.",
             ["x", "y", "z"][axis]
         )
     };
-    // Only the start of the trajectory takes the axes from the project.
+    // Only the start values of the trajectory depend on the project's axes.
     let verdict = if is_opposite {
         Verdict::care("frame.body", text)
     } else {
@@ -280,7 +281,7 @@ fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
     Some(verdict.with_value(cosine, None))
 }
 
-/// Whether all headings lie within 2π in degrees, and go round.
+/// Whether the headings, read as degrees, all lie within 2π and vary.
 fn is_in_radians(headings: &[HeadingFix]) -> bool {
     let degrees = || headings.iter().map(|fix| fix.heading_rad.to_degrees());
     let most = degrees().fold(f64::NEG_INFINITY, f64::max);
@@ -289,7 +290,7 @@ fn is_in_radians(headings: &[HeadingFix]) -> bool {
     most - least > 0.5 && least > -0.51 * turn && most < 1.01 * turn && most - least < 1.01 * turn
 }
 
-/// Headings that turn against the gyro.
+/// The verdict on headings that turn against the gyro.
 fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict {
     // Counted from east, counter-clockwise: heading = 90° − course.
     let sums = pairs(headings, courses).map(|(heading, course)| heading + course);
@@ -304,13 +305,13 @@ fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict 
     Verdict::care(
         HEADING_SIGN,
         format!(
-            "The headings turn to the left where the gyro turns to the right: {likely}. A run does \
-             without them."
+            "The headings turn to the left where the gyro turns to the right: {likely}. A run leaves \
+             them out."
         ),
     )
 }
 
-/// Where the body drives, by its headings.
+/// The verdict on a body that does not drive where its headings point.
 fn driven_direction(
     headings: &[(f64, f64)],
     courses: &[(f64, f64)],
@@ -321,8 +322,8 @@ fn driven_direction(
     let off_deg = mean.to_degrees();
     (length > CONCENTRATED && off_deg.abs() > 45.0).then(|| {
         let text = format!(
-            "By its headings the body drives {off_deg:.0}° beside where it looks (course of `{name}`): are \
-             the antennas exchanged or across, or does it drive backwards?"
+            "According to its headings, the body drives {off_deg:.0}° off the direction in which it points \
+             (course of `{name}`): are the antennas exchanged or across, or does it drive backwards?"
         );
         let text = text.replace('-', "−");
         Verdict::care("heading.direction", text).with_value(mean, None)
@@ -342,15 +343,17 @@ fn pairs(
     })
 }
 
-/// Mean direction of angles and the length of their mean vector; `None` with few.
+/// Mean direction of angles and the length of their mean vector; `None` with fewer than ten.
 fn direction(angles: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
     let count = angles.clone().count();
     let (sin, cos) = angles.fold((0.0, 0.0), |(sin, cos), a| (sin + a.sin(), cos + a.cos()));
     (count >= 10).then(|| (sin.atan2(cos), sin.hypot(cos) / count as f64))
 }
 
+/// Checks that positions are in metres.
+///
 /// # Errors
-/// Positions that jump about by kilometres are millimetres.
+/// Positions that jump about as only millimetres can.
 fn check_position_unit(fixes: &[PositionFix], name: &str, sigma_m: f64) -> Result<()> {
     let pairs = fixes
         .windows(2)
@@ -370,7 +373,7 @@ fn check_position_unit(fixes: &[PositionFix], name: &str, sigma_m: f64) -> Resul
                     "`{name}` moves at {speed:.0} m/s with a noise of {noise_m:.1} m: its log is in \
                      millimetres"
                 ),
-                "name the columns east_mm, north_mm, up_mm, and they are converted",
+                "name the columns east_mm, north_mm, up_mm, then they are converted",
             ))
         }
         _ => Ok(()),

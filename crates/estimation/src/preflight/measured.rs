@@ -5,23 +5,24 @@
 use super::Log;
 use super::differences::{VALUES, weights};
 use super::logs::STATED_FACTOR;
-use super::turns::ways;
+use super::turns::stretches;
 use crate::geometry::Vec3;
 use crate::sensor::{ImuSample, PositionFix, Timed};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
 use crate::verdict::Verdict;
 
-/// An axis is held where it stays at one value for this share of the way.
+/// An axis is held if it stays at one value for this share of the samples of the moving body.
 const HELD_SHARE: f64 = 0.5;
-/// Of noise with a standard deviation of half a step, one value in three lies in another step.
+/// With noise whose standard deviation is half a step, one value in three lies on another step.
 const NOISE_PER_STEP: f64 = 0.5;
-/// Fewest values on the way by which a log is judged: half of them in one step are no chance then (1 in 10⁹).
+/// Smallest number of values of the moving body by which a log is judged: the chance that half of them lie on
+/// one step is then 1 in 10⁹.
 const LEAST_VALUES: usize = 120;
-/// Values on steps lie on them to this share of a step, as one in fifty of others does.
+/// Rounded values lie on a step to this share of a step; of other values, one in fifty does.
 const ON_STEP: f64 = 0.01;
-/// Rounding scatters as noise where values have noise of half a step (Widrow 1956), with which they change by this
-/// share of a step, 2/√π · ½, from one to the next. Where they change by less, its errors last.
+/// Rounding errors scatter like noise where values have noise of half a step (Widrow 1956); such values change by
+/// this share of a step, 2/√π · ½, from one to the next. Where values change by less, rounding errors last.
 const SCATTERING_CHANGE: f64 = 0.56;
 /// Single precision has steps of 2⁻²³ of a power of two.
 const SINGLE_PRECISION: f64 = (1 << 23) as f64;
@@ -69,7 +70,7 @@ fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -
     held.collect()
 }
 
-/// Three axes of the IMU on the way.
+/// The three axes of a sensor of the IMU, while the body moves.
 struct Sensor {
     name: &'static str,
     unit: &'static str,
@@ -94,13 +95,13 @@ impl Sensor {
             let least = NOISE_PER_STEP * step(values)?;
             (noise > least && noise > self.sigma / STATED_FACTOR).then_some((noise, axis))
         });
-        let Some((noise, beside)) = noisy else {
+        let Some((noise, noisy)) = noisy else {
             return Vec::new();
         };
         let held = held.into_iter().map(|(run, axis)| {
             let text = format!(
-                "{file}: {name}_{axis} stays at {} {unit} for {} of the {} samples on the way, while {name}_{beside} \
-                 scatters by {noise:.1e} {unit}: no sensor measured it. Record all three axes.",
+                "{file}: {name}_{axis} stays at {} {unit} for {} of the {} samples during motion, while {name}_{noisy} \
+                 scatters by {noise:.1e} {unit}: it was not measured. Record all three axes.",
                 run[0],
                 run.len(),
                 times_s.len()
@@ -118,16 +119,16 @@ fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Op
         return None;
     }
     let sigma_m = |axis: usize| {
-        let given = fixes.iter().filter_map(|fix| fix.covariance_m2);
-        let given = median(given.map(|covariance| covariance[(axis, axis)].sqrt()));
-        given.unwrap_or(position.sigma_m[axis])
+        let covariances = fixes.iter().filter_map(|fix| fix.covariance_m2);
+        let logged_m = median(covariances.map(|covariance| covariance[(axis, axis)].sqrt()));
+        logged_m.unwrap_or(position.sigma_m[axis])
     };
     let positions: Vec<Vec3> = fixes.iter().map(|fix| fix.position_m).collect();
     let steps = axes(&positions).map(|values| lasting_step(&values));
     let steps = steps.into_iter().enumerate();
     let steps = steps.filter_map(|(axis, step_m)| Some((step_m?, axis)));
     let coarse = steps.filter(|(step_m, axis)| {
-        // Standard deviation of what is lost by rounding.
+        // Standard deviation of the rounding errors.
         step_m / 12f64.sqrt() > STATED_FACTOR * sigma_m(*axis)
     });
     let (step_m, axis) = coarse.max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -141,7 +142,7 @@ fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Op
     };
     let name = &position.name;
     let text = format!(
-        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, and its standard deviation is to be \
+        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, but its standard deviation is said to be \
          {:.4} m: what lies between the steps is lost. Write the log anew with all digits.",
         ["east", "north", "up"][axis],
         sigma_m(axis)
@@ -149,8 +150,8 @@ fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Op
     Some(Verdict::fault(format!("{name}.rounded"), text).with_value(step_m, None))
 }
 
-/// The step to which values were rounded, where they change too little from one to the next for its errors to
-/// scatter.
+/// The step to which values were rounded, where they change too little from one to the next for the rounding errors
+/// to scatter.
 fn lasting_step(values: &[f64]) -> Option<f64> {
     let step = step(values)?;
     let mut steps = values.iter().map(|value| (value - values[0]) / step);
@@ -170,7 +171,7 @@ fn step(values: &[f64]) -> Option<f64> {
         .reduce(f64::min)
 }
 
-/// Standard deviation of one value beside a smooth course.
+/// Standard deviation of a value about a smooth course.
 fn scatter(times_s: &[f64], values: &[f64]) -> f64 {
     let windows = times_s.windows(VALUES).zip(values.windows(VALUES));
     let differences = windows.filter_map(|(times_s, values)| {
@@ -182,7 +183,7 @@ fn scatter(times_s: &[f64], values: &[f64]) -> f64 {
     SIGMAS_PER_MAD * median(differences).unwrap_or(0.0)
 }
 
-/// The most values in succession that are the same.
+/// The longest run of equal values.
 fn longest_run(values: &[f64]) -> &[f64] {
     let runs = values.chunk_by(|a, b| a == b);
     runs.max_by_key(|run| run.len()).unwrap_or_default()
@@ -193,18 +194,18 @@ fn axes(vectors: &[Vec3]) -> [Vec<f64>; 3] {
     [0, 1, 2].map(|axis| vectors.iter().map(|vector| vector[axis]).collect())
 }
 
-/// The records that were taken on the ways of `fixes` over the ground.
+/// The records that were taken while the body moved over the ground, according to `fixes`.
 fn while_moving<T: Timed + Copy>(records: &[T], fixes: &[PositionFix]) -> Vec<T> {
-    let ways = ways(fixes).into_iter();
-    let mut ways: Vec<(f64, f64)> = ways
+    let stretches = stretches(fixes).into_iter();
+    let mut spans_s: Vec<(f64, f64)> = stretches
         .map(|[start, end]| (start.time_s, end.time_s))
         .collect();
-    ways.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let is_on_way = |record: &&T| {
-        let begun = ways.partition_point(|way| way.0 <= record.time_s());
-        begun > 0 && record.time_s() <= ways[begun - 1].1
+    spans_s.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let is_moving = |record: &&T| {
+        let begun = spans_s.partition_point(|span_s| span_s.0 <= record.time_s());
+        begun > 0 && record.time_s() <= spans_s[begun - 1].1
     };
-    records.iter().filter(is_on_way).copied().collect()
+    records.iter().filter(is_moving).copied().collect()
 }
 
 #[cfg(test)]
@@ -228,7 +229,7 @@ mod tests {
     struct Noise(u64);
 
     impl Noise {
-        fn one(&mut self) -> f64 {
+        fn scalar(&mut self) -> f64 {
             let uniform = (0..12).map(|_| {
                 let factor = 6_364_136_223_846_793_005;
                 self.0 = self.0.wrapping_mul(factor).wrapping_add(1);
@@ -237,14 +238,14 @@ mod tests {
             uniform.sum::<f64>() - 6.0
         }
 
-        fn three(&mut self, sigma: f64) -> Vec3 {
-            Vec3::new(self.one(), self.one(), self.one()) * sigma
+        fn vector(&mut self, sigma: f64) -> Vec3 {
+            Vec3::new(self.scalar(), self.scalar(), self.scalar()) * sigma
         }
     }
 
     impl Drive {
-        /// Round a circle at half a metre a second from `start_s` on, before that at rest, with so much of the
-        /// noise that the settings say.
+        /// At rest until `start_s`, then round a circle at half a metre a second, with this share of the noise that
+        /// the settings state.
         fn new(start_s: f64, noise_share: f64) -> Self {
             let (radius_m, speed_m_s) = (4.0, 0.5);
             let imu_noise = ImuNoise::from_datasheet(&ImuDatasheet::default());
@@ -257,8 +258,8 @@ mod tests {
                     .map(|density| noise_share * density * IMU_HZ.sqrt());
                 ImuSample {
                     time_s,
-                    gyro_rad_s: Vec3::z() * rate + noise.three(sigmas[0]),
-                    accel_m_s2: Vec3::z() * -9.81 + noise.three(sigmas[1]),
+                    gyro_rad_s: Vec3::z() * rate + noise.vector(sigmas[0]),
+                    accel_m_s2: Vec3::z() * -9.81 + noise.vector(sigmas[1]),
                 }
             });
             let imu = imu.collect();
@@ -266,7 +267,7 @@ mod tests {
                 let time_s = f64::from(i) / PRISM_HZ;
                 let angle = speed_m_s * driven_s(time_s) / radius_m;
                 let place_m = Vec3::new(angle.cos(), angle.sin(), 0.5) * radius_m;
-                let position_m = place_m + noise.three(noise_share * SIGMA_M);
+                let position_m = place_m + noise.vector(noise_share * SIGMA_M);
                 PositionFix::with_sigma(time_s, position_m, None)
             });
             let positions = vec![fixes.collect()];
@@ -279,7 +280,8 @@ mod tests {
             }
         }
 
-        fn said(&self) -> Vec<(String, String)> {
+        /// Codes and texts of the verdicts.
+        fn verdicts(&self) -> Vec<(String, String)> {
             let logs = MotionLogs {
                 imu: &self.imu,
                 positions: &self.positions,
@@ -296,7 +298,7 @@ mod tests {
             self
         }
 
-        /// Coordinates as written, with `origin_m` subtracted when they were read.
+        /// Coordinates as `write` rounds them, with `origin_m` subtracted when they were read.
         fn with_positions(mut self, origin_m: f64, write: impl Fn(f64) -> f64) -> Self {
             for fix in &mut self.positions[0] {
                 let written = |metres: f64| write(metres + origin_m) - origin_m;
@@ -311,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_that_is_held_on_the_way_is_named_with_its_value() {
+    fn an_axis_that_is_held_during_motion_is_named_with_its_value() {
         for axis in 0..3 {
             let name = ["x", "y", "z"][axis];
             let gyro = Drive::new(10.0, 1.0).with_imu(|_, sample| sample.gyro_rad_s[axis] = 0.0);
@@ -320,33 +322,33 @@ mod tests {
                 (gyro, format!("gyro_{name} stays at 0 rad/s")),
                 (accel, format!("accel_{name} stays at 0.25 m/s²")),
             ] {
-                let said = drive.said();
-                assert_eq!(said.len(), 1, "{said:?}");
-                assert_eq!(said[0].0, "imu.held");
+                let verdicts = drive.verdicts();
+                assert_eq!(verdicts.len(), 1, "{verdicts:?}");
+                assert_eq!(verdicts[0].0, "imu.held");
                 assert!(
-                    said[0].1.starts_with(&format!("Imu.csv: {value}")),
-                    "{said:?}"
+                    verdicts[0].1.starts_with(&format!("Imu.csv: {value}")),
+                    "{verdicts:?}"
                 );
             }
         }
-        // From some time on.
+        // An axis that sticks from some time on.
         let first = (0.4 * SPAN_S * IMU_HZ) as usize;
         let stuck = Drive::new(0.0, 1.0).with_imu(|i, sample| {
             if i >= first {
                 sample.gyro_rad_s.y = 0.0125;
             }
         });
-        assert_eq!(stuck.said().len(), 1);
+        assert_eq!(stuck.verdicts().len(), 1);
     }
 
     #[test]
-    fn an_imu_that_hardly_turns_or_rests_or_is_simulated_is_not() {
+    fn an_imu_that_hardly_turns_or_rests_or_is_simulated_has_no_held_axis() {
         let gyro_sigma = Drive::new(0.0, 1.0).settings.imu.gyro_density * IMU_HZ.sqrt();
         // In steps of twice its noise, at rest for most of the log.
         let coarse = in_steps(2.0 * gyro_sigma);
         let resting = Drive::new(100.0, 1.0);
         let resting = resting.with_imu(|_, s| s.gyro_rad_s = s.gyro_rad_s.map(&coarse));
-        // At rest nothing but one axis shows noise, as where an engine idles.
+        // One axis stays at its value, but only at rest.
         let first = (100.0 * IMU_HZ) as usize;
         let idling = Drive::new(100.0, 1.0).with_imu(|i, sample| {
             if i < first {
@@ -355,7 +357,7 @@ mod tests {
         });
         let planar = Drive::new(0.0, 0.0);
         for drive in [Drive::new(0.0, 1.0), resting, idling, planar] {
-            assert_eq!(drive.said(), []);
+            assert_eq!(drive.verdicts(), []);
         }
     }
 
@@ -363,27 +365,27 @@ mod tests {
     fn coordinates_in_single_precision_are_named_where_their_steps_are_long() {
         let single = |value: f64| f64::from(value as f32);
         for (origin_m, step) in [(5_000_000.0, "0.5000"), (3_500_000.0, "0.2500")] {
-            let said = Drive::new(10.0, 1.0)
+            let verdicts = Drive::new(10.0, 1.0)
                 .with_positions(origin_m, single)
-                .said();
-            assert_eq!(said.len(), 1, "{origin_m}: {said:?}");
-            assert_eq!(said[0].0, "prism.rounded");
+                .verdicts();
+            assert_eq!(verdicts.len(), 1, "{origin_m}: {verdicts:?}");
+            assert_eq!(verdicts[0].0, "prism.rounded");
             for part in [
                 "Position(0).csv: ",
                 &format!("in steps of {step} m, as in single precision"),
             ] {
-                assert!(said[0].1.contains(part), "{said:?}");
+                assert!(verdicts[0].1.contains(part), "{verdicts:?}");
             }
         }
-        let said = Drive::new(10.0, 1.0)
+        let verdicts = Drive::new(10.0, 1.0)
             .with_positions(0.0, in_steps(0.1))
-            .said();
-        assert_eq!(said.len(), 1);
-        assert!(!said[0].1.contains("single"), "{said:?}");
+            .verdicts();
+        assert_eq!(verdicts.len(), 1);
+        assert!(!verdicts[0].1.contains("single"), "{verdicts:?}");
     }
 
     #[test]
-    fn coordinates_to_a_centimetre_or_less_are_not() {
+    fn coordinates_rounded_to_a_centimetre_or_less_are_accepted() {
         let single = |value: f64| f64::from(value as f32);
         let local = Drive::new(10.0, 1.0).with_positions(1000.0, single);
         let millimetres = Drive::new(10.0, 1.0).with_positions(0.0, in_steps(0.001));
@@ -393,7 +395,7 @@ mod tests {
         gnss.settings.positions[0].sigma_m = Vec3::repeat(0.1);
         let planar = Drive::new(0.0, 0.0).with_positions(0.0, in_steps(0.001));
         for drive in [local, millimetres, centimetres, gnss, planar] {
-            assert_eq!(drive.said(), []);
+            assert_eq!(drive.verdicts(), []);
         }
     }
 }

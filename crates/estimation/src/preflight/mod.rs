@@ -1,6 +1,6 @@
 //! Mistakes that the raw logs and the first placement of the scans show, before anything is adjusted.
 //!
-//! Units that cannot be meant are errors; all else is said as a [`Verdict`](crate::verdict::Verdict).
+//! Impossible units are errors; everything else becomes a [`Verdict`](crate::verdict::Verdict).
 
 mod alternatives;
 mod differences;

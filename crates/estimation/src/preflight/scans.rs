@@ -1,4 +1,4 @@
-//! Whether the scans, placed with the mountings of the project, make a surface at all, and which usual
+//! Whether the scans, placed with the mountings of the project, form a surface at all, and which usual
 //! mistake explains it if they do not.
 
 use super::alternatives::{Alternative, alternatives};
@@ -11,28 +11,28 @@ use crate::verdict::Verdict;
 
 /// Edge of the columns in which heights are compared, metres.
 const COLUMN_M: f64 = 0.25;
-/// Most height of a level in a column: a board of 55° has as much, metres.
+/// Largest height of a single level within a column, metres: a board tilted by 55° has as much.
 const LEVEL_M: f64 = 0.36;
 /// Fewest points of a cloud in a column.
 const MIN_POINTS: usize = 3;
-/// Clouds of one scanner are told apart by blocks of time, seconds: about a pass.
+/// The points of a scanner are divided into clouds by blocks of time, seconds: about one pass each.
 const BLOCK_S: f64 = 20.0;
 /// Fewest columns that two clouds share.
 const MIN_COLUMNS: usize = 20;
-/// Most points of a scanner that are placed.
+/// Largest number of points of a scanner that are placed.
 const MAX_POINTS: usize = 30_000;
 /// A rough mounting is off by less than this, metres.
 const ROUGH_M: f64 = 0.15;
-/// An alternative explains what is off where it leaves this share of it.
+/// An alternative explains the misfit if it leaves less than this share of it.
 const LEFT_SHARE: f64 = 0.4;
-/// Two explanations are as good where they leave as much to this factor.
-const AS_WELL: f64 = 1.2;
+/// An explanation is as good as another if it leaves less than this factor times what the other leaves.
+const AS_GOOD: f64 = 1.2;
 
 /// The scans of a drive before the calibration.
 pub struct Placement<'a> {
-    /// As the project has them.
+    /// The mountings of the project.
     pub mountings: &'a [Mounting],
-    /// One a scanner.
+    /// One for each scanner.
     pub samples: &'a [ScannerSample],
     /// Poses of the body.
     pub trajectory: &'a Trajectory,
@@ -43,16 +43,16 @@ pub struct Placement<'a> {
 /// How far clouds lie apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
-    /// Three quarters of what is seen twice lie closer, metres.
+    /// Three quarters of what is seen twice lies closer together, metres.
     pub apart_m: f64,
     /// In how many columns something is seen twice.
     pub columns: usize,
 }
 
-/// How the scans lie with the mountings of the project.
+/// How well the scans fit together with the mountings of the project.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Placed {
-    /// As they are; `None` where too little is seen twice.
+    /// With the mountings as they are; `None` where too little is seen twice.
     pub misfit: Option<Misfit>,
     /// Without the mistake that explains it, if one does.
     pub explained: Option<Misfit>,
@@ -66,11 +66,11 @@ impl Placed {
         self.misfit.map(|misfit| misfit.apart_m)
     }
 
-    /// Whether the clouds lie no farther apart than in another placement in which as much is common.
+    /// Whether the clouds lie no farther apart than in another placement, or share far more columns.
     pub fn is_as_close_as(&self, other: &Self) -> bool {
         match (self.misfit, other.misfit) {
-            (Some(own), Some(other)) => {
-                own.apart_m <= other.apart_m || own.columns > 2 * other.columns
+            (Some(this), Some(other)) => {
+                this.apart_m <= other.apart_m || this.columns > 2 * other.columns
             }
             (_, other) => other.is_none(),
         }
@@ -79,16 +79,16 @@ impl Placed {
     /// Whether a usual mistake leaves about as little as other mountings do.
     pub fn is_explained_as_well_as(&self, other: &Self) -> bool {
         let pair = self.explained.zip(other.misfit);
-        pair.is_some_and(|(own, other)| {
-            own.apart_m < AS_WELL * other.apart_m && 4 * own.columns > 3 * other.columns
+        pair.is_some_and(|(explained, other)| {
+            explained.apart_m < AS_GOOD * other.apart_m && 4 * explained.columns > 3 * other.columns
         })
     }
 }
 
-/// Looks how far the clouds lie apart, and for a usual mistake if that is far.
+/// Measures how far apart the clouds lie, and looks for a usual mistake if that is far.
 pub fn scans(placement: &Placement<'_>) -> Placed {
     let reference = columns(placement.reference.iter().copied());
-    let own: Vec<BodyFromScanner> = placement
+    let nominal: Vec<BodyFromScanner> = placement
         .mountings
         .iter()
         .map(|m| m.body_from_scanner)
@@ -101,34 +101,34 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         });
         clouds.collect::<Vec<_>>()
     };
-    let own_clouds = all(&own, 0.0);
-    let Some(own_misfit) = misfit(&own_clouds, &reference) else {
+    let nominal_clouds = all(&nominal, 0.0);
+    let Some(nominal_misfit) = misfit(&nominal_clouds, &reference) else {
         return Placed::default();
     };
-    let own_m = own_misfit.apart_m;
-    if own_m < ROUGH_M {
+    let apart_m = nominal_misfit.apart_m;
+    if apart_m < ROUGH_M {
         return Placed {
-            misfit: Some(own_misfit),
+            misfit: Some(nominal_misfit),
             ..Placed::default()
         };
     }
-    let left = alternatives(placement.mountings, &own)
+    let left = alternatives(placement.mountings, &nominal)
         .into_iter()
         .filter_map(|alternative| {
             let clouds = all(&alternative.poses, alternative.late_s);
             let left = misfit(&clouds, &reference)?;
-            // One that moves clouds out of each other's way is none.
+            // An alternative that moves clouds out of each other's way explains nothing.
             let Alternative { code, text, .. } = alternative;
-            (left.columns >= own_misfit.columns / 2).then_some((left, code, text))
+            (left.columns >= nominal_misfit.columns / 2).then_some((left, code, text))
         });
     let best = left
-        .chain(higher_reference(&own_clouds, &reference).filter(|_| own.len() > 1))
+        .chain(higher_reference(&nominal_clouds, &reference).filter(|_| nominal.len() > 1))
         .min_by(|a, b| a.0.apart_m.total_cmp(&b.0.apart_m));
-    let apart = format!("Placed with the project's mountings the clouds lie {own_m:.2} m apart");
-    let explains = |left: &Misfit| left.apart_m < ROUGH_M.min(LEFT_SHARE * own_m);
+    let apart = format!("Placed with the project's mountings the clouds lie {apart_m:.2} m apart");
+    let explains = |left: &Misfit| left.apart_m < ROUGH_M.min(LEFT_SHARE * apart_m);
     let best = best.filter(|(left, ..)| explains(left));
     let explained = best.as_ref().map(|(left, ..)| *left);
-    let among = || misfit(&own_clouds, &Columns::default()).filter(|left| explains(left));
+    let among = || misfit(&nominal_clouds, &Columns::default()).filter(|left| explains(left));
     let among = match (&best, reference.is_empty()) {
         (None, false) => among(),
         _ => None,
@@ -142,27 +142,27 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
         (None, Some(among)) => {
             let among_m = among.apart_m;
             let text = format!(
-                "{apart} from the reference, and only {among_m:.2} m from each other: is the reference in the \
+                "{apart} from the reference, but only {among_m:.2} m from each other: is the reference in the \
                  coordinates of the total station, and are the clocks of scanners and trajectory the same?"
             );
-            Verdict::care("reference.placement", text).with_value(own_m, None)
+            Verdict::care("reference.placement", text).with_value(apart_m, None)
         }
         (None, None) => {
             let text = format!(
                 "{apart}: if the result is wrong, check translation, rotation and rotation_convention of the \
                  scanners, their files, their clocks, and where the reference lies."
             );
-            Verdict::note("placement.misfit", text).with_value(own_m, None)
+            Verdict::note("placement.misfit", text).with_value(apart_m, None)
         }
     };
     Placed {
-        misfit: Some(own_misfit),
+        misfit: Some(nominal_misfit),
         explained,
         verdict: Some(verdict),
     }
 }
 
-/// How much is left with the reference higher or lower by what is most common.
+/// The misfit with the reference raised or lowered by the median difference in height.
 fn higher_reference(
     scanners: &[Vec<Columns>],
     reference: &Columns,
@@ -182,7 +182,8 @@ fn higher_reference(
     Some((left, "reference.height", text))
 }
 
-/// The points of a scanner in the world, later by so much, by the blocks of time in which it saw them.
+/// The points of a scanner in the world, seen `late_s` later than their stamps, in one cloud for each block of
+/// time.
 fn clouds(
     placement: &Placement<'_>,
     scanner: usize,
@@ -212,7 +213,7 @@ fn clouds(
 /// Median heights by column.
 type Columns = VoxelMap<VoxelKey, f64>;
 
-/// Median height of the points in each column that has one level: not floor and ceiling.
+/// Median height of the points in each column that has a single level, not floor and ceiling.
 fn columns(points: impl Iterator<Item = Vec3>) -> Columns {
     let mut heights: VoxelMap<VoxelKey, Vec<f64>> = VoxelMap::default();
     for point in points {
@@ -230,13 +231,13 @@ fn columns(points: impl Iterator<Item = Vec3>) -> Columns {
     levels.collect()
 }
 
-/// Distances in height of each scanner's clouds from the reference, or from what was seen first where there
-/// is none: three quarters are smaller, for the worst scanner. Most of a field is flat and fits however
-/// clouds are shifted. And how many columns all share; `None` where a scanner shares too few.
+/// How far the clouds of the worst scanner lie, in height, from the reference or, without one, from what was
+/// seen first: three quarters of the distances are smaller, because most of a field is flat and fits however
+/// clouds are shifted. Also the number of columns that are shared; `None` where a scanner shares too few.
 fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<Misfit> {
     let mut first = reference.clone();
     if reference.is_empty() {
-        // Of two scanners, not of two moments of one, where both have been.
+        // Where two scanners have been, they are compared with each other, not one with itself at another time.
         for column in scanners.iter().flatten() {
             for (key, height) in column {
                 first.entry(*key).or_insert(*height);
@@ -247,7 +248,7 @@ fn misfit(scanners: &[Vec<Columns>], reference: &Columns) -> Option<Misfit> {
     for clouds in scanners {
         let common = clouds.iter().flatten();
         let apart = common.filter_map(|(key, height)| Some((height - first.get(key)?).abs()));
-        // What was seen first is no distance from itself.
+        // What was seen first has no distance from itself.
         let mut apart: Vec<f64> = apart.filter(|m| *m > 0.0).collect();
         if apart.len() < MIN_COLUMNS {
             if reference.is_empty() && scanners.len() > 1 {

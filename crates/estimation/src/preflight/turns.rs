@@ -4,22 +4,22 @@ use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
 use crate::sensor::{ImuSample, PositionFix};
 
-/// Turns are compared over spans of this length, seconds: the gyro's bias is small and the course has
-/// changed.
+/// Turns are compared over spans of this length, seconds: short enough for the gyro's bias to stay small, long
+/// enough for the course to change.
 const SPAN_S: f64 = 3.0;
-/// A course is that of a way of this length, metres: several times the noise of its ends.
-const COURSE_WAY_M: f64 = 0.3;
-/// A course over a longer time says little of where the body looked, seconds.
+/// A course is taken over a stretch of this length, metres: several times the noise of its ends.
+const COURSE_STRETCH_M: f64 = 0.3;
+/// A course over a longer time says little about where the body pointed, seconds.
 const COURSE_SPAN_S: f64 = 6.0;
 /// Least root mean square of the turns for a comparison, radians.
 const LEAST_TURN_RAD: f64 = 0.1;
-/// Clocks that differ are looked for up to here, seconds; smaller differences are estimated.
+/// Largest and smallest latency that is looked for, seconds; smaller ones are estimated with the trajectory.
 const MAX_LATE_S: f64 = 60.0;
 const LEAST_LATE_S: f64 = 2.0;
-/// Correlations with and without the right latency.
+/// Smallest correlation with the right latency, and largest without it.
 const CLEAR: f64 = 0.9;
 const UNCLEAR: f64 = 0.7;
-/// How much better the right latency is than any other.
+/// By how much the correlation with the right latency exceeds that with any other.
 const UNIQUE: f64 = 0.05;
 /// Fewest spans.
 const MIN_SPANS: usize = 20;
@@ -46,7 +46,7 @@ impl Turned {
         }
     }
 
-    /// `None` outside of the log.
+    /// The angle turned up to `time_s`, radians clockwise; `None` outside the log.
     fn at(&self, time_s: f64) -> Option<f64> {
         let next = self.times_s.partition_point(|t| *t < time_s);
         (self.times_s[0] <= time_s)
@@ -62,11 +62,11 @@ impl Turned {
             let steps = ((to_s - from_s) / step_s).round() as i32;
             let all = (0..=steps).map(|i| from_s + step_s * f64::from(i));
             let all = all.filter_map(|late_s| Some((late_s, self.compare_late(angles, late_s)?)));
-            let all = all.filter(|(_, found)| found.is_about(1.0));
+            let all = all.filter(|(_, ratio)| ratio.is_about(1.0));
             let mut all: Vec<(f64, Ratio)> = all.collect();
             all.sort_by(|a, b| b.1.correlation.total_cmp(&a.1.correlation));
             let first = *all.first()?;
-            // Rows of a field turn alike.
+            // The turns at the ends of a field's rows are alike: another latency may fit as well.
             let mut others = all
                 .iter()
                 .filter(|(late_s, _)| (late_s - first.0).abs() > LEAST_LATE_S);
@@ -74,8 +74,8 @@ impl Turned {
                 others.all(|(_, other)| other.correlation < first.1.correlation - UNIQUE);
             is_unique.then_some(first)
         };
-        let (coarse_s, found) = best(-MAX_LATE_S, MAX_LATE_S, 0.5)?;
-        let is_clear = coarse_s.abs() > LEAST_LATE_S && found.correlation > CLEAR && now < UNCLEAR;
+        let (coarse_s, ratio) = best(-MAX_LATE_S, MAX_LATE_S, 0.5)?;
+        let is_clear = coarse_s.abs() > LEAST_LATE_S && ratio.correlation > CLEAR && now < UNCLEAR;
         let (late_s, _) = best(coarse_s - 0.5, coarse_s + 0.5, 0.05).filter(|_| is_clear)?;
         Some(late_s)
     }
@@ -85,7 +85,7 @@ impl Turned {
         self.compare_late(angles, 0.0)
     }
 
-    /// The same with angles whose stamps are late by so much, seconds.
+    /// The same with angles whose stamps are late by `late_s`.
     fn compare_late(&self, angles: &[(f64, f64)], late_s: f64) -> Option<Ratio> {
         let (mut gg, mut gh, mut hh, mut spans) = (0.0, 0.0, 0.0, 0);
         let mut from = 0;
@@ -97,10 +97,10 @@ impl Turned {
             if let [Some(start), Some(end)] = ends
                 && time_s - angles[from].0 < 2.0 * SPAN_S
             {
-                let (gyro, other) = (end - start, wrap(angle - angles[from].1));
+                let (gyro, heading) = (end - start, wrap(angle - angles[from].1));
                 gg += gyro * gyro;
-                gh += gyro * other;
-                hh += other * other;
+                gh += gyro * heading;
+                hh += heading * heading;
                 spans += 1;
             }
             from = to;
@@ -115,45 +115,49 @@ impl Turned {
     }
 }
 
-/// Turns of another sensor over those of the gyro.
+/// The turns of another sensor compared with those of the gyro.
 #[derive(Debug, Clone, Copy)]
 pub struct Ratio {
-    /// 1 where both agree.
+    /// Turns of the sensor over those of the gyro: 1 where both agree.
     pub slope: f64,
-    /// How well a factor explains one by the other.
+    /// Correlation of the turns of both.
     pub correlation: f64,
-    /// Turns by the gyro.
+    /// Root mean square of the turns by the gyro, radians.
     pub gyro_rms_rad: f64,
 }
 
 impl Ratio {
-    /// Whether the slope is this one, to a third.
+    /// Whether the slope is about this, within a third.
     pub fn is_about(&self, slope: f64) -> bool {
         self.correlation.abs() > 0.7 && (self.slope / slope - 1.0).abs() < 0.33
     }
 }
 
-/// Ways of [`COURSE_WAY_M`] over the ground, by the fixes at their ends, for positions that move.
-pub fn ways(fixes: &[PositionFix]) -> Vec<[&PositionFix; 2]> {
-    let mut found = Vec::new();
+/// Stretches of [`COURSE_STRETCH_M`] over the ground, as the fixes at their ends, where positions move.
+pub fn stretches(fixes: &[PositionFix]) -> Vec<[&PositionFix; 2]> {
+    let mut stretches = Vec::new();
     let mut from = 0;
     for (to, fix) in fixes.iter().enumerate() {
         let start = &fixes[from];
-        if (fix.position_m - start.position_m).xy().norm() > COURSE_WAY_M {
+        if (fix.position_m - start.position_m).xy().norm() > COURSE_STRETCH_M {
             if fix.time_s - start.time_s < COURSE_SPAN_S {
-                found.push([start, fix]);
+                stretches.push([start, fix]);
             }
             from = to;
         }
     }
-    found
+    stretches
 }
 
-/// Courses over the ground, clockwise from north, at the middle times of ways, for positions that move.
+/// Courses over the ground, radians clockwise from north, at the middle times of stretches over which
+/// positions move.
 pub fn courses(fixes: &[PositionFix]) -> Vec<(f64, f64)> {
     let course = |[start, end]: [&PositionFix; 2]| {
-        let way = end.position_m - start.position_m;
-        (0.5 * (start.time_s + end.time_s), way.x.atan2(way.y))
+        let stretch_m = end.position_m - start.position_m;
+        (
+            0.5 * (start.time_s + end.time_s),
+            stretch_m.x.atan2(stretch_m.y),
+        )
     };
-    ways(fixes).into_iter().map(course).collect()
+    stretches(fixes).into_iter().map(course).collect()
 }

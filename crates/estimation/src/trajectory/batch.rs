@@ -1,4 +1,4 @@
-//! The adjustment of a whole drive: laid out again until clocks and outliers have settled.
+//! The adjustment of a whole drive, repeated until clocks and outliers have settled.
 
 use super::clock;
 use super::constants::Constants;
@@ -18,19 +18,19 @@ use crate::progress::Progress;
 /// A clock correction that moves by more than this is applied to the records, which may then lie
 /// between other nodes, seconds.
 const SETTLED_CLOCK_S: f64 = 5e-4;
-/// Records are laid out at most this often for their clocks.
+/// Largest number of adjustments between which clocks are corrected.
 const MAX_LAYOUTS: usize = 12;
 /// At most this many jumps of clocks are corrected.
 const MAX_JUMPS: usize = 4;
-/// A latency is determined where more than this share of the squared motion is not noise. Errors of
-/// velocities are correlated for long: a minute holds few independent ones, whose squares scatter
-/// widely.
+/// A latency is determined where more than this share of the squared motion is not noise. The errors of
+/// velocities are correlated over long times: a minute holds few independent ones, and their squares
+/// scatter widely.
 const MIN_MOTION_SHARE: f64 = 0.95;
-/// The noise scale has settled where its square moves by less than this share.
+/// The noise scale has settled where its square changes by less than this share.
 const SETTLED_SCALE: f64 = 0.01;
 const MAX_SCALINGS: usize = 15;
 
-/// Where an adjustment starts.
+/// Finds the start values of an adjustment.
 pub type Start<'a> =
     dyn Fn(&Streams, &Timeline, &[Rest], &TrajectorySettings) -> Result<Initial> + Sync + 'a;
 
@@ -46,7 +46,7 @@ pub struct Adjusted {
     pub corrections: Vec<ClockCorrection>,
 }
 
-/// What one layout of the logs passes on to the next.
+/// What one adjustment passes on to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Carried {
     constants: Option<Constants>,
@@ -76,9 +76,9 @@ pub fn adjust(
     loop {
         let mut adjusted = adjust_once(begin, logs, settings, (&corrections, &carried), progress)?;
         layouts += 1;
-        // A jump stays where the records fit better with it.
+        // The correction of a jump is kept only if the records fit better with it.
         if let Some(before) = before.take_if(|before| before.cost() <= adjusted.cost()) {
-            progress.warn("correcting the last jump of a clock does not improve the fit: it is left as logged");
+            progress.warn("correcting the last jump of a clock does not improve the fit: the times are left as logged");
             adjusted = before;
             layouts = MAX_LAYOUTS;
         }
@@ -92,7 +92,7 @@ pub fn adjust(
             continue;
         }
         if clock::set_to_stamps(logs, &mut corrections, &adjusted.clock_sigmas()) {
-            // Of the constants carried on, those of clocks are no more.
+            // The constants hold clocks that are no longer estimated: they are not passed on.
             carried = Carried {
                 constants: None,
                 ..Carried::of(&adjusted)
@@ -101,14 +101,14 @@ pub fn adjust(
         }
         let jumps = corrections.iter().filter(|c| c.record > 0).count();
         if jumps < MAX_JUMPS {
-            let found = clock::find(
+            let jump = clock::find_jump(
                 logs,
                 &adjusted.streams,
                 &adjusted.graph,
                 &adjusted.state,
                 &corrections,
             );
-            if let Some(jump) = found {
+            if let Some(jump) = jump {
                 progress.say(&format!(
                     "the clock of {} seems to jump before record {} at {:.3} s",
                     Names(settings).sensor(jump.stream),
@@ -116,7 +116,7 @@ pub fn adjust(
                     jump.time_s
                 ));
                 clock::put(&mut corrections, jump);
-                // Records that the jump had made outliers come back: the search starts afresh.
+                // Records that were outliers because of the jump may fit now: the search starts afresh.
                 carried = Carried {
                     weights: None,
                     ..Carried::of(&adjusted)
@@ -130,7 +130,7 @@ pub fn adjust(
     }
 }
 
-/// The stream whose latency a constant is.
+/// The stream whose latency a constant is; `None` for other constants.
 pub fn latency_of(constant: &Constant) -> Option<Stream> {
     match constant {
         Constant::TimeOffset(sensor) => Some(Stream::Position(*sensor)),
@@ -155,6 +155,7 @@ fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
         .collect()
 }
 
+/// Adjusts once, with these corrections of the clocks.
 pub fn adjust_once(
     begin: &Start<'_>,
     logs: &MotionLogs<'_>,
@@ -219,7 +220,7 @@ pub fn adjust_once(
 }
 
 impl Adjusted {
-    /// Moves what the time constants found into `corrections`; the largest move, seconds.
+    /// Adds the estimated latencies to `corrections`; returns the largest, seconds.
     fn settle_clocks(&self, corrections: &mut [ClockCorrection]) -> f64 {
         let mut largest = 0.0_f64;
         let estimated = corrections.iter_mut().filter(|correction| !correction.held);
@@ -233,12 +234,12 @@ impl Adjusted {
         largest
     }
 
-    /// The cost under the losses, rejected records included.
+    /// The cost with the losses of the settings, including rejected records.
     fn cost(&self) -> f64 {
         robust::truncated_cost(&self.graph, &self.ended)
     }
 
-    /// Estimates what requires settled clocks.
+    /// Estimates the noise scale, which requires settled clocks.
     fn finish(&mut self, settings: &TrajectorySettings, progress: &dyn Progress) -> Result<()> {
         if settings.estimate.contains(&Constant::ImuNoiseScale) {
             self.scale_noise(progress)
@@ -278,7 +279,7 @@ impl Adjusted {
         Ok(())
     }
 
-    /// The streams whose latency is estimated, but unobservable in the motion.
+    /// The streams whose latency is estimated but cannot be observed in the motion.
     pub fn unobservable_latencies(&self) -> Vec<Stream> {
         let estimated = self.corrections.iter().filter(|c| c.record == 0 && !c.held);
         estimated
@@ -287,8 +288,8 @@ impl Adjusted {
             .collect()
     }
 
-    /// How much of the squared motion that determines when a record of the stream was taken is
-    /// motion, and not the noise of its estimate: of a body at rest, none.
+    /// The share of real motion in the squared estimate of the motion that determines when a record of the
+    /// stream was taken; the rest is noise. Of a body at rest, all is noise.
     fn motion_share(&self, stream: Stream) -> f64 {
         let (mut motion, mut noise) = (0.0, 0.0);
         if stream == Stream::Heading {

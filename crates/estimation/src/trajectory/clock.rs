@@ -1,8 +1,9 @@
 //! Clocks that were set while a log ran.
 //!
 //! A jump leaves a trace in the time stamps: an interval unlike the others. The motion shows whether
-//! it is a jump or a pause: a constant by which all later records of the stream are late is
-//! estimated for each trace alone, and the most significant is kept, until none is.
+//! it is a jump or a pause: for each trace alone, a constant is estimated by which all later records of
+//! the stream are late. The most significant jump is corrected, again and again until none is
+//! significant.
 
 use super::graph::Graph;
 use super::robust::weigh_cautiously;
@@ -12,7 +13,7 @@ use crate::adjustment::{ChainFactor, ChainProblem};
 use crate::sensor::Timed;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// An interval is unlike the others below and above these shares of the median.
+/// An interval is unlike the others outside this range, as shares of the median.
 const USUAL_INTERVALS: std::ops::Range<f64> = 0.4..1.6;
 /// At most this many traces of a stream are tested, the most unusual ones.
 const MAX_TRACES: usize = 24;
@@ -22,7 +23,7 @@ const SIGNIFICANT_SIGMAS: f64 = 6.0;
 const SMALLEST_JUMP_S: f64 = 0.02;
 /// How close the IMU's interval must come to its median after a correction to be set to it, seconds.
 const IMU_MATCH_S: f64 = 0.05;
-/// The least share of it that a first estimate must be.
+/// A first estimate must be at least this share of the unusual part of the interval.
 const MIN_IMU_SHARE: f64 = 0.25;
 /// Below this share of the median an interval is that of a record logged twice.
 const TWICE: f64 = 1e-3;
@@ -34,7 +35,7 @@ const AGREEING_SIGMAS: f64 = 4.0;
 const STEADY_SHARE: f64 = 0.5;
 
 /// The most significant jump not yet corrected, if there is one.
-pub fn find(
+pub fn find_jump(
     logs: &MotionLogs<'_>,
     streams: &Streams,
     graph: &Graph,
@@ -47,7 +48,7 @@ pub fn find(
     }
     let (mut graph, mut state) = (graph.clone(), state.clone());
     weigh_cautiously(&mut graph, &state);
-    // A column for each trace, and from one factorisation what each would be alone.
+    // One column for each trace; a single factorisation gives the estimate of each trace alone.
     let first = state.constants.count();
     for trace in &traces {
         state.constants.add_jump(trace.late_from(streams));
@@ -67,8 +68,8 @@ pub fn find(
                 .find(|c| c.stream == trace.stream && c.record == trace.record);
             let before_s = before.map_or(0.0, |c| c.shift_s);
             let shift_s = match trace.stream {
-                // The others late is the IMU early.
-                Stream::Imu => natural(before_s - late_s, before.is_none(), trace),
+                // If the other streams are late, the IMU is early.
+                Stream::Imu => imu_shift_s(before_s - late_s, before.is_none(), trace),
                 _ => before_s + late_s,
             };
             best = Some((
@@ -78,7 +79,7 @@ pub fn find(
                     record: trace.record,
                     time_s: trace.time_s,
                     shift_s,
-                    // The IMU's clock is the time scale: its jumps show in its interval.
+                    // The IMU's clock is the time scale: its jumps show in its own intervals.
                     held: trace.stream == Stream::Imu,
                 },
             ));
@@ -96,10 +97,11 @@ pub fn put(corrections: &mut Vec<ClockCorrection>, jump: ClockCorrection) {
     }
 }
 
-/// Sets the jumps of positions and headings that the motion found, with the standard deviations
-/// `sigma_s`, to the unusual part of their interval and holds them there, where the two agree and
-/// the stream's intervals scatter by less: at a metre a second the motion determines a jump to
-/// milliseconds, a steady log more closely. Whether any was set.
+/// Refines jumps of positions and headings that were estimated from the motion with the standard
+/// deviations `sigma_s`. Where the unusual part of the interval agrees with the estimate, and the intervals
+/// of the stream scatter by less than its standard deviation, the jump is set to that part and held: at a
+/// metre a second the motion determines a jump to milliseconds, a steady log more closely. Returns
+/// whether any jump was set.
 pub fn set_to_stamps(
     logs: &MotionLogs<'_>,
     corrections: &mut [ClockCorrection],
@@ -113,10 +115,10 @@ pub fn set_to_stamps(
             Stream::Position(sensor) => intervals(&logs.positions[sensor], correction.record),
             Stream::Heading => intervals(logs.heading, correction.record),
         };
-        let natural_s = usual.median_s - interval_s;
-        let miss_s = (natural_s - correction.shift_s).abs();
+        let stamped_s = usual.median_s - interval_s;
+        let miss_s = (stamped_s - correction.shift_s).abs();
         if usual.scatter_s < STEADY_SHARE * sigma_s && miss_s < AGREEING_SIGMAS * sigma_s {
-            correction.shift_s = natural_s;
+            correction.shift_s = stamped_s;
             correction.held = true;
             any = true;
         }
@@ -124,22 +126,22 @@ pub fn set_to_stamps(
     any
 }
 
-/// The intervals of a stream.
-struct Usual {
+/// The usual interval of a stream.
+struct UsualInterval {
     median_s: f64,
     /// Standard deviation from the median absolute deviation.
     scatter_s: f64,
 }
 
-/// The interval before `record`, and all.
-fn intervals<T: Timed>(records: &[T], record: usize) -> (f64, Usual) {
+/// The interval before `record`, and the usual one.
+fn intervals<T: Timed>(records: &[T], record: usize) -> (f64, UsualInterval) {
     let interval = |k: usize| records[k].time_s() - records[k - 1].time_s();
     let all = (1..records.len()).map(interval);
     let median_s = median(all.clone()).unwrap_or(f64::NAN);
-    let off = median(all.map(|x| (x - median_s).abs()));
-    let usual = Usual {
+    let deviation_s = median(all.map(|x| (x - median_s).abs()));
+    let usual = UsualInterval {
         median_s,
-        scatter_s: SIGMAS_PER_MAD * off.unwrap_or(f64::NAN),
+        scatter_s: SIGMAS_PER_MAD * deviation_s.unwrap_or(f64::NAN),
     };
     (interval(record), usual)
 }
@@ -155,8 +157,8 @@ struct Trace {
 }
 
 impl Trace {
-    /// The streams whose records are late after a jump here, each from a record on. For the IMU
-    /// that is all others.
+    /// The streams whose records are late after this jump, each with its first late record. After a jump
+    /// of the IMU's clock, those are all other streams.
     fn late_from(&self, streams: &Streams) -> Vec<(Stream, usize)> {
         if self.stream != Stream::Imu {
             return vec![(self.stream, self.record)];
@@ -181,12 +183,13 @@ impl Trace {
     }
 }
 
-/// The correction that makes the IMU's interval usual, where the estimate agrees with it: coarsely
-/// at first, as the estimate is that of one step.
-fn natural(shift_s: f64, first: bool, trace: &Trace) -> f64 {
+/// The correction of the IMU's times: the one that makes its interval usual where the estimate `shift_s`
+/// agrees with it, else the estimate. A first estimate need only agree coarsely, since it is that of a
+/// single step.
+fn imu_shift_s(shift_s: f64, first: bool, trace: &Trace) -> f64 {
     let share = -shift_s / trace.unusual_s;
-    let alike = first && MIN_IMU_SHARE < share && share < 1.0 / MIN_IMU_SHARE;
-    if alike || (shift_s + trace.unusual_s).abs() < IMU_MATCH_S {
+    let agrees_coarsely = first && MIN_IMU_SHARE < share && share < 1.0 / MIN_IMU_SHARE;
+    if agrees_coarsely || (shift_s + trace.unusual_s).abs() < IMU_MATCH_S {
         -trace.unusual_s
     } else {
         shift_s
@@ -194,15 +197,20 @@ fn natural(shift_s: f64, first: bool, trace: &Trace) -> f64 {
 }
 
 fn traces(logs: &MotionLogs<'_>, corrections: &[ClockCorrection]) -> Vec<Trace> {
-    let mut all = of_stream(logs.imu, Stream::Imu, corrections);
+    let mut all = traces_of_stream(logs.imu, Stream::Imu, corrections);
     for (sensor, fixes) in logs.positions.iter().enumerate() {
-        all.extend(of_stream(fixes, Stream::Position(sensor), corrections));
+        all.extend(traces_of_stream(
+            fixes,
+            Stream::Position(sensor),
+            corrections,
+        ));
     }
-    all.extend(of_stream(logs.heading, Stream::Heading, corrections));
+    all.extend(traces_of_stream(logs.heading, Stream::Heading, corrections));
     all
 }
 
-fn of_stream<T: Timed>(
+/// The unusual intervals of a stream, in time order.
+fn traces_of_stream<T: Timed>(
     records: &[T],
     stream: Stream,
     corrections: &[ClockCorrection],
@@ -218,13 +226,13 @@ fn of_stream<T: Timed>(
             .any(|c| c.stream == stream && c.record == record && !c.held)
     };
     let unusual = |k: usize| interval(k) - median;
-    // One wild stamp makes two intervals unlike the others, which cancel.
+    // A single wild stamp makes two unusual intervals, which cancel.
     let cancel = |a: usize, b: usize| {
         (1..records.len()).contains(&a)
             && (1..records.len()).contains(&b)
             && (unusual(a) + unusual(b)).abs() < USUAL_INTERVALS.start * median
     };
-    let mut found: Vec<Trace> = (1..records.len())
+    let mut traces: Vec<Trace> = (1..records.len())
         .filter(|&k| {
             let share = interval(k) / median;
             !USUAL_INTERVALS.contains(&share)
@@ -240,8 +248,8 @@ fn of_stream<T: Timed>(
             unusual_s: unusual(k),
         })
         .collect();
-    found.sort_by(|a, b| b.unusual_s.abs().total_cmp(&a.unusual_s.abs()));
-    found.truncate(MAX_TRACES);
-    found.sort_by_key(|trace| trace.record);
-    found
+    traces.sort_by(|a, b| b.unusual_s.abs().total_cmp(&a.unusual_s.abs()));
+    traces.truncate(MAX_TRACES);
+    traces.sort_by_key(|trace| trace.record);
+    traces
 }

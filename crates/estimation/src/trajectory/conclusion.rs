@@ -1,4 +1,4 @@
-//! From the solution of the graph to what users get: poses, diagnostics, and words.
+//! Turns the solution of the graph into what users get: poses, diagnostics and messages.
 
 use super::batch::Adjusted;
 use super::diagnostics::{Findings, diagnostics, examine};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 /// Steps whose covariances are held at a time while poses and residuals are found.
 const CHUNK: usize = 512;
-/// Steps harvested by one task.
+/// Steps evaluated by one task.
 const TASK: usize = 32;
 /// An estimated constant is determined where the drive shrinks its prior standard deviation to less
 /// than this share.
@@ -29,7 +29,7 @@ const NOTABLE_FACTOR: f64 = 1.5;
 type StepPart = (usize, StepCovariance);
 
 /// The poses of the adjusted drive and the quality of its solution, reported to `progress`. The
-/// latencies of the streams `unobservable` were asked for, but do not show in the motion.
+/// latencies of the streams `unobservable` were to be estimated, but do not show in the motion.
 pub fn conclude(
     adjusted: &Adjusted,
     settings: &TrajectorySettings,
@@ -70,13 +70,13 @@ impl Adjusted {
     /// The poses with standard deviations and the residuals with redundancies.
     fn poses_and_residuals(&self) -> (Vec<PoseRecord>, Findings) {
         let border = self.factor.border_covariance();
-        // From the last steps to the first, as the recursion runs.
+        // The recursion runs from the last step to the first.
         let mut parts: Vec<(Vec<PoseRecord>, Findings)> = Vec::new();
         let mut chunk: Vec<StepPart> = Vec::with_capacity(CHUNK);
         let mut work = |chunk: &mut Vec<StepPart>| {
             let done: Vec<_> = chunk
                 .par_chunks(TASK)
-                .map(|steps| self.of_steps(steps, &border))
+                .map(|steps| self.evaluate(steps, &border))
                 .collect();
             parts.extend(done);
             chunk.clear();
@@ -90,15 +90,15 @@ impl Adjusted {
         work(&mut chunk);
         let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
         let mut findings = Findings::new(self.graph.sensors.len());
-        for (poses, found) in parts.into_iter().rev() {
+        for (poses, part) in parts.into_iter().rev() {
             records.extend(poses);
-            findings.append(found);
+            findings.append(part);
         }
         (records, findings)
     }
 
-    /// Poses and residuals of steps that come from the last to the first, in order of time.
-    fn of_steps(&self, steps: &[StepPart], border: &DMatrix<f64>) -> (Vec<PoseRecord>, Findings) {
+    /// Poses and residuals, in order of time, of steps that are given from the last to the first.
+    fn evaluate(&self, steps: &[StepPart], border: &DMatrix<f64>) -> (Vec<PoseRecord>, Findings) {
         let recovery = Recovery {
             graph: &self.graph,
             state: &self.state,
@@ -116,8 +116,8 @@ impl Adjusted {
         (records, findings)
     }
 
-    /// The clocks that were set during recording. The last correction of those estimated is still in
-    /// their constants.
+    /// The clocks that were set during recording. Of an estimated correction, the last part is still in its
+    /// constant.
     fn clock_jumps(&self, settings: &TrajectorySettings) -> Vec<ClockJump> {
         let mut late_s = self.state.constants.clocks().map(|clock| clock.value);
         self.corrections
@@ -148,7 +148,7 @@ impl Adjusted {
         let covariance = self.factor.border_covariance();
         let corrections = self.state.constants.corrections();
         let columns = self.state.constants.described.iter().enumerate();
-        let mut found: Vec<EstimatedConstant> = columns
+        let mut constants: Vec<EstimatedConstant> = columns
             .map(|(i, column)| {
                 let sigma = covariance[(i, i)].sqrt();
                 let determined = sigma < DETERMINED_SHARE * column.prior_sigma;
@@ -166,7 +166,7 @@ impl Adjusted {
                 }
             })
             .collect();
-        found.extend(unobservable.iter().map(|stream| EstimatedConstant {
+        constants.extend(unobservable.iter().map(|stream| EstimatedConstant {
             name: format!("{}.time_offset", Names(settings).sensor(*stream)),
             unit: "s",
             start: 0.0,
@@ -179,7 +179,7 @@ impl Adjusted {
             let information = residual_information(&self.graph, &self.state, of_imu);
             let relative = information.map_or(f64::INFINITY, |square| (0.5 / square).sqrt());
             let determined = relative < DETERMINED_SHARE;
-            found.push(EstimatedConstant {
+            constants.push(EstimatedConstant {
                 name: "imu.noise_scale".into(),
                 unit: "",
                 start: 1.0,
@@ -191,10 +191,11 @@ impl Adjusted {
                 sigma: determined.then_some(relative * self.graph.imu_scale),
             });
         }
-        found
+        constants
     }
 
-    /// Reports what was found in the logs besides the trajectory.
+    /// Reports what the adjustment shows besides the trajectory: rests, gaps, jumps of clocks, rejected
+    /// records, constants and residuals.
     fn report(&self, solution: &Solution, progress: &dyn Progress) {
         if let Some(rest) = &self.start.rest {
             progress.say(&format!(
@@ -245,7 +246,7 @@ impl Adjusted {
     }
 }
 
-/// A line for each sensor and reason, and each record below it.
+/// Reports a line for each sensor and reason, and each record below it.
 fn report_rejections(rejections: &[Rejection], progress: &dyn Progress) {
     let mut groups: Vec<(&str, RejectionReason, Vec<&Rejection>)> = Vec::new();
     for rejection in rejections {

@@ -1,4 +1,5 @@
-//! Constants: held, or estimated along with the trajectory as unknowns of the border.
+//! Constants: held, or estimated along with the trajectory as unknowns of the border of the normal
+//! equations.
 
 use super::settings::{Constant, TrajectorySettings};
 use super::streams::{ClockCorrection, Names, Stream};
@@ -6,7 +7,7 @@ use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
 use crate::geometry::Vec3;
 use nalgebra::SVector;
 
-/// Sigmas of the priors: how far the values of a project may be off.
+/// Standard deviations of the priors: how far the values of a project may be off.
 const PRIOR_TIME_S: f64 = 1.0;
 const PRIOR_LEVER_ARM_M: f64 = 1.0;
 const PRIOR_INCIDENCE_M: f64 = 0.02;
@@ -26,11 +27,11 @@ pub struct PositionConstants {
     pub incidence_m: Parameter<IncidenceAmplitudes>,
 }
 
-/// By how much records are late beyond what is corrected already.
+/// By how much records are late beyond the corrections already made.
 #[derive(Debug, Clone)]
 struct Clock {
     late_s: Parameter<f64>,
-    /// The streams, each from a record on.
+    /// The streams that are late, each with its first late record.
     from: Vec<(Stream, usize)>,
 }
 
@@ -57,13 +58,13 @@ pub struct Constants {
     pub positions: Vec<PositionConstants>,
     clocks: Vec<Clock>,
     columns: Columns,
-    /// What each column of those estimated is.
+    /// Describes each estimated column.
     pub described: Vec<Column>,
 }
 
 impl Constants {
-    /// The constants, with those estimated that the settings ask for, and one for each correction
-    /// of a clock that is not held.
+    /// The constants of the settings. Those that the settings name are estimated, and one for each
+    /// correction of a clock that is not held.
     pub fn new(settings: &TrajectorySettings, corrections: &[ClockCorrection]) -> Self {
         let positions = settings.positions.iter().map(|sensor| PositionConstants {
             lever_arm_m: Parameter::held(sensor.lever_arm_m),
@@ -130,13 +131,14 @@ impl Constants {
                 self.gravity_m_s2.estimate(&mut self.columns);
                 self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
             }
-            // Times are among the corrections of clocks; the noise's scale is a variance, found from
-            // the residuals.
+            // Latencies are among the corrections of clocks; the noise scale is a variance component,
+            // estimated from the residuals.
             Constant::TimeOffset(_) | Constant::HeadingTimeOffset | Constant::ImuNoiseScale => {}
         }
     }
 
-    /// One more, the last: how late records are, each stream's from a record on.
+    /// Adds one more constant, the last: how late the records of these streams are, each from this record
+    /// on.
     pub fn add_jump(&mut self, from: Vec<(Stream, usize)>) {
         self.add_clock("clock_jump".into(), 0.0, from);
     }
@@ -157,19 +159,19 @@ impl Constants {
         });
     }
 
-    /// Columns of the border.
+    /// Number of columns of the border.
     pub fn count(&self) -> usize {
         self.columns.count
     }
 
-    /// Starts at the values that an earlier layout found. Those of its clocks have become
+    /// Takes over the values of an earlier adjustment, except those of its clocks, which have become
     /// corrections.
     pub fn resume(&mut self, before: &Self) {
         self.gravity_m_s2.value = before.gravity_m_s2.value;
         self.heading_offset_rad.value = before.heading_offset_rad.value;
-        for (own, before) in self.positions.iter_mut().zip(&before.positions) {
-            own.lever_arm_m.value = before.lever_arm_m.value;
-            own.incidence_m.value = before.incidence_m.value;
+        for (sensor, before) in self.positions.iter_mut().zip(&before.positions) {
+            sensor.lever_arm_m.value = before.lever_arm_m.value;
+            sensor.incidence_m.value = before.incidence_m.value;
         }
     }
 
@@ -177,50 +179,52 @@ impl Constants {
     pub fn clocks_of(&self, stream: Stream, record: usize) -> Vec<usize> {
         let applies = |clock: &Clock| {
             let mut from = clock.from.iter();
-            from.any(|(of, first)| *of == stream && *first <= record)
+            from.any(|(late, first)| *late == stream && *first <= record)
         };
         (0..self.clocks.len())
             .filter(|&clock| applies(&self.clocks[clock]))
             .collect()
     }
 
-    /// How late a record is that these clocks apply to.
+    /// How late a record is to which these clocks apply, seconds.
     pub fn late_s(&self, clocks: &[usize]) -> f64 {
         clocks.iter().map(|&c| self.clocks[c].late_s.value).sum()
     }
 
-    /// How late each clock is, in the order of the corrections that are not held.
+    /// How late each clock is, seconds, in the order of the corrections that are not held.
     pub fn clocks(&self) -> impl Iterator<Item = &Parameter<f64>> + Clone {
         self.clocks.iter().map(|clock| &clock.late_s)
     }
 
-    /// How late one clock is.
+    /// How late one clock is, seconds.
     pub fn clock(&self, clock: usize) -> &Parameter<f64> {
         &self.clocks[clock].late_s
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Retract> {
-        let own: [&dyn Retract; 2] = [&self.gravity_m_s2, &self.heading_offset_rad];
-        let positions = self.positions.iter().flat_map(|sensor| {
-            let own: [&dyn Retract; 2] = [&sensor.lever_arm_m, &sensor.incidence_m];
-            own
-        });
+        let shared: [&dyn Retract; 2] = [&self.gravity_m_s2, &self.heading_offset_rad];
+        let positions = self
+            .positions
+            .iter()
+            .flat_map(|sensor| [&sensor.lever_arm_m as &dyn Retract, &sensor.incidence_m]);
         let clocks = self.clocks.iter().map(|c| &c.late_s as &dyn Retract);
-        own.into_iter().chain(positions).chain(clocks)
+        shared.into_iter().chain(positions).chain(clocks)
     }
 
     fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn Retract> {
-        let own: [&mut dyn Retract; 2] = [&mut self.gravity_m_s2, &mut self.heading_offset_rad];
+        let shared: [&mut dyn Retract; 2] = [&mut self.gravity_m_s2, &mut self.heading_offset_rad];
         let positions = self.positions.iter_mut().flat_map(|sensor| {
-            let own: [&mut dyn Retract; 2] = [&mut sensor.lever_arm_m, &mut sensor.incidence_m];
-            own
+            [
+                &mut sensor.lever_arm_m as &mut dyn Retract,
+                &mut sensor.incidence_m,
+            ]
         });
         let clocks = self.clocks.iter_mut();
         let clocks = clocks.map(|c| &mut c.late_s as &mut dyn Retract);
-        own.into_iter().chain(positions).chain(clocks)
+        shared.into_iter().chain(positions).chain(clocks)
     }
 
-    /// After a step of all columns.
+    /// The constants after a step of all columns.
     pub fn retracted(&self, step: &[f64]) -> Self {
         let mut moved = self.clone();
         moved
@@ -237,7 +241,7 @@ impl Constants {
         step
     }
 
-    /// About the project's values.
+    /// The priors about the project's values.
     pub fn prior(&self) -> BorderPrior {
         BorderPrior {
             weight: self

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Mark of a node without gradient.
 const NONE: u32 = u32::MAX;
 
-/// Gradient of m linear functionals by the poses of a trajectory, sparse over the poses: m × 6 per
+/// Gradient of m linear functionals with respect to the poses of a trajectory, sparse over the poses: m × 6 per
 /// pose over (δφ rad in the body frame with R ← R Exp(δφ), δp m in the world).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGradient {
@@ -21,7 +21,7 @@ pub struct PoseGradient {
 }
 
 impl PoseGradient {
-    /// No dependence yet, for `rows` functionals of a trajectory of `nodes` nodes.
+    /// A gradient of zero, for `rows` functionals of a trajectory of `nodes` nodes.
     pub fn new(rows: usize, nodes: usize) -> Self {
         Self {
             rows,
@@ -35,7 +35,7 @@ impl PoseGradient {
         self.rows
     }
 
-    /// The m × 6 block of `node`, row by row, to add to.
+    /// The m × 6 block of `node`, row by row, to be added to.
     ///
     /// # Panics
     /// Where `node` is not below the number of nodes.
@@ -68,8 +68,8 @@ impl PoseGradient {
     }
 }
 
-/// The joint covariance of all poses, as the factor of H = Uᵀ U at the solution and what ties poses
-/// to nodes. Propagates any linear functional of the poses with the full correlation in time.
+/// The joint covariance of all poses, as the factor of H = Uᵀ U at the solution and the relation of
+/// the poses to the nodes. Propagates any linear functional of the poses with the full correlation in time.
 #[derive(Debug, Clone)]
 pub struct PosteriorCovariance {
     factor: ChainFactor,
@@ -88,7 +88,7 @@ impl PosteriorCovariance {
         }
     }
 
-    /// The graph, its solution, and the IMU's samples: for problems that hold more than the drive.
+    /// The graph, its solution, and the IMU's samples, for problems that have other unknowns too.
     pub(crate) fn parts(&self) -> (&Graph, &State, &ImuSeries) {
         (&self.graph, &self.state, &self.imu)
     }
@@ -101,7 +101,7 @@ impl PosteriorCovariance {
     /// The covariance G H⁻¹ Gᵀ (m × m) of the functionals with this gradient, by one forward
     /// substitution. Units are those of the functionals, squared. The scatter of poses between nodes
     /// about what the nodes determine is left out: it is independent from step to step and below
-    /// a hundredth of the part that all share.
+    /// a hundredth of the common part.
     ///
     /// # Panics
     /// Where the gradient was made for another number of poses.
@@ -114,7 +114,7 @@ impl PosteriorCovariance {
         self.factor.of_functional(&self.by_unknowns(gradient))
     }
 
-    /// The gradient by the unknowns of the chain, through the poses' own.
+    /// The gradient with respect to the unknowns of the chain, from that with respect to the poses.
     fn by_unknowns(&self, gradient: &PoseGradient) -> ChainGradient {
         let layout = &self.factor.layout;
         let m = gradient.rows;
@@ -143,7 +143,8 @@ impl PosteriorCovariance {
         by_unknowns
     }
 
-    /// The gradient by the unknowns of one step, m rows; none where no pose of the step has one.
+    /// The gradient with respect to the unknowns of one step, m rows; empty where it is zero for all poses
+    /// of the step.
     fn by_step(&self, gradient: &PoseGradient, step: usize) -> Vec<[f64; STEP]> {
         let poses = self.graph.timeline.poses_of(step);
         if poses.clone().all(|pose| gradient.block(pose).is_none()) {

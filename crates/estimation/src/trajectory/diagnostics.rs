@@ -1,4 +1,4 @@
-//! Residuals with their redundancies: which observations check which, and how well they agree.
+//! Residuals with their redundancies: how well observations check each other, and how well they agree.
 
 use super::factors::Quantity;
 use super::graph::{Graph, Source};
@@ -8,7 +8,7 @@ use super::states::State;
 use crate::adjustment::{ChainProblem, Rows, StepCovariance};
 use nalgebra::DMatrix;
 
-/// Which entry of the diagnostics; position sensors come first.
+/// Indices of the sensors in the diagnostics; position sensors come first.
 #[derive(Debug, Clone, Copy)]
 struct Places {
     positions: usize,
@@ -72,7 +72,7 @@ impl Findings {
         }
     }
 
-    /// A record by its number (from 0) and time, with its raw residuals.
+    /// Adds a record with its number (from 0), its time and its raw residuals.
     fn record(
         &mut self,
         place: usize,
@@ -98,7 +98,7 @@ impl Findings {
         });
     }
 
-    /// Raw residuals and the weighted sum of the normalised squares.
+    /// Adds raw residuals and the weighted sum of the normalised squares to the sums.
     fn add(&mut self, place: usize, values: &[f64], normalised: f64, redundancies: &[f64]) {
         let sum = &mut self.tallies[place];
         sum.records += 1;
@@ -118,57 +118,57 @@ pub fn examine(
     graph: &Graph,
     state: &State,
     step: usize,
-    (unknowns, constants): (&StepCovariance, &DMatrix<f64>),
-    found: &mut Findings,
+    (unknowns, border): (&StepCovariance, &DMatrix<f64>),
+    findings: &mut Findings,
 ) {
     let places = Places {
         positions: graph.sensors.len(),
     };
     let (node, next) = (&state.nodes[step], &state.nodes[step + 1]);
-    let (bias, known) = (graph.bias(state, step), &state.constants);
+    let (bias, constants) = (graph.bias(state, step), &state.constants);
     graph.rows(state, step, |source, rows| {
         // Rejected records are tested at full weight.
         let weight = if rows.weight > 0.0 { rows.weight } else { 1.0 };
-        let redundancies = unknowns.redundancies(&Rows { weight, ..rows }, constants);
+        let redundancies = unknowns.redundancies(&Rows { weight, ..rows }, border);
         match source {
             Source::Position(fix) => {
-                let values = fix.residual(&graph.sensors[fix.sensor], known, node, bias);
+                let values = fix.residual(&graph.sensors[fix.sensor], constants, node, bias);
                 let values = values.iter().copied().collect();
-                let named = (fix.record, fix.time_s);
-                found.record(fix.sensor, named, values, &rows, &redundancies);
+                let record = (fix.record, fix.time_s);
+                findings.record(fix.sensor, record, values, &rows, &redundancies);
             }
             Source::Heading(fix) => {
-                let values = vec![fix.residual(known, node, bias)];
+                let values = vec![fix.residual(constants, node, bias)];
                 let place = match fix.quantity {
                     Quantity::Heading => places.heading(),
                     Quantity::Pitch(_) => places.pitch(),
                 };
-                let named = (fix.record, fix.time_s);
-                found.record(place, named, values, &rows, &redundancies);
+                let record = (fix.record, fix.time_s);
+                findings.record(place, record, values, &rows, &redundancies);
             }
             Source::Rest => {
                 let values = node.velocity_m_s.as_slice();
-                found.add(places.rest(), values, square(rows.residual), &redundancies);
+                findings.add(places.rest(), values, square(rows.residual), &redundancies);
             }
             Source::Imu(factor) => {
                 let dt = factor.sums.duration_s;
-                let [turn, _, velocity] = factor.residual(known, (node, next), bias);
+                let [turn, _, velocity] = factor.residual(constants, (node, next), bias);
                 for (place, raw, range) in [
                     (places.gyro(), turn / dt, 0..3),
                     (places.accelerometer(), velocity / dt, 3..9),
                 ] {
                     let normalised = square(&rows.residual[range.clone()]);
-                    found.add(place, raw.as_slice(), normalised, &redundancies[range]);
+                    findings.add(place, raw.as_slice(), normalised, &redundancies[range]);
                 }
             }
         }
     });
 }
 
-/// The residual in its own standard deviations. That of a rejected record scatters by measurement
-/// and prediction together; a record without redundancy is not checked by others.
+/// The residual divided by its standard deviation. The residual of a rejected record scatters with
+/// measurement and prediction together; a record without redundancy is not checked by others.
 fn test(normalised: f64, redundancy: f64, rejected: bool) -> f64 {
-    /// Redundancies below are rounding.
+    /// Smaller redundancies are rounding errors.
     const LEAST: f64 = 1e-6;
     let variance = if rejected {
         2.0 - redundancy
@@ -182,7 +182,7 @@ fn test(normalised: f64, redundancy: f64, rejected: bool) -> f64 {
     }
 }
 
-/// Diagnostics of all sensors, with the residuals of each, and the outliers.
+/// Diagnostics of all sensors, the residuals of each, and the records that are not used.
 pub fn diagnostics(
     graph: &Graph,
     state: &State,
@@ -237,9 +237,9 @@ pub fn diagnostics(
     (sensors, residuals, rejections)
 }
 
-/// The walk of the biases with the priors. All redundancies add up to the observations of
-/// positions, headings and rests, because the IMU, the walks and the priors together are as many
-/// as the unknowns: what the others leave is theirs.
+/// Statistics of the random walk of the biases, with the priors. All redundancies add up to the number of
+/// observations of positions, headings and rests, because the IMU, the walks and the priors together are
+/// as many as the unknowns: what the other sensors leave of that sum is theirs.
 fn walk_tally(graph: &Graph, state: &State, tallies: &[Tally], places: Places) -> Tally {
     let checked: f64 = tallies.iter().map(|t| t.redundancy).sum();
     let aiding: usize = tallies[..places.gyro()].iter().map(|t| t.components).sum();

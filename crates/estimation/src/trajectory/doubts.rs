@@ -18,15 +18,16 @@ const LEAST_OFFSET_RAD: f64 = 0.002;
 const LEAST_GRAVITY_M_S2: f64 = 0.02;
 /// What a rejected component of a record counts in the sum of squares.
 const REJECTED_SQUARE: f64 = 16.0;
-/// Least drop of the sum of squares that is no chance.
+/// Smallest decrease of the sum of squares that is not chance.
 const MIN_GAIN: f64 = 40.0;
-/// Least sum of squares over redundancy of a fit that is far off.
+/// A fit is far off from this ratio of the sum of squares to the redundancy on.
 const MAX_RATIO: f64 = 3.0;
-/// A constant explains enough where it leaves no more than this share of what all explain.
+/// A constant explains enough where it leaves no more than this share of what all constants explain.
 const LEFT_SHARE: f64 = 0.02;
-/// Most constants that are doubted.
+/// Largest number of constants that are doubted.
 const MAX_DOUBTS: usize = 3;
-/// What is likely meant matches to this many standard deviations, or to these: metres, radians.
+/// A likely mistake matches what the drive finds to this many standard deviations, or to these metres and
+/// radians.
 const MATCH_SIGMAS: f64 = 4.0;
 const MATCH_M: f64 = 0.02;
 const MATCH_RAD: f64 = 0.035;
@@ -38,25 +39,26 @@ const PROGRESS_UNITS: u64 = 1000;
 /// A constant of the project that the drive contradicts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Doubt {
-    /// Which.
+    /// The constant.
     pub constant: Constant,
     /// Its name in the project.
     pub name: String,
-    /// Its components with the project's values and those found.
+    /// Its components, with the project's values and those that the drive finds.
     pub values: Vec<EstimatedConstant>,
     /// How far the worst component is off, in standard deviations.
     pub sigmas: f64,
-    /// Whether the value found is used, and not the project's.
+    /// Whether the value that the drive finds is used instead of the project's.
     pub is_used: bool,
 }
 
-/// The constants that the drive contradicts, those first that explain most. `solution` is that of the
-/// logs with these settings.
+/// The constants that the drive contradicts, those first that explain most. `solution` is the solution of
+/// the logs with these settings.
 ///
-/// All constants that are held are freed at once; where that does not fit better, nothing is doubted.
-/// Otherwise, and where nothing fits yet, they are freed one at a time, and the one that fits best stays free for the tests of the
-/// others (Wald tests, forward selection), until nothing is left to explain, or until none explains its part: what
-/// fits badly for another reason fits a little better with every constant.
+/// First, all held constants are estimated at once; if the fit does not improve, nothing is doubted.
+/// Otherwise, and where the fit is far off to begin with, they are estimated one at a time, and the one
+/// with the best fit stays estimated while the others are tested (Wald tests, forward selection), until
+/// nothing is left to explain or no constant explains its part: a drive that fits badly for another reason
+/// fits a little better with every constant.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -68,16 +70,16 @@ pub fn doubts(
 ) -> Result<Vec<Doubt>> {
     let stage = progress.stage("testing the constants", PROGRESS_UNITS);
     let trials = Steps::new(progress, TRIALS, PROGRESS_UNITS);
-    let freed_too = |more: &[Constant]| -> Result<Option<Solution>> {
+    let solve_with = |more: &[Constant]| -> Result<Option<Solution>> {
         progress.check()?;
         let mut trial = settings.clone();
         trial.estimate.extend(more);
-        let found = estimate(logs, &trial, &Silent);
+        let estimate = estimate(logs, &trial, &Silent);
         trials.advance(1);
-        match found {
+        match estimate {
             Ok(estimate) => Ok(Some(estimate.solution)),
             Err(Error::Cancelled) => Err(Error::Cancelled),
-            // The drive does not determine it.
+            // The drive does not determine them.
             Err(_) => Ok(None),
         }
     };
@@ -88,17 +90,17 @@ pub fn doubts(
         .iter()
         .map(|sensor| sensor.redundancy)
         .sum();
-    // From a fit that is far off, the way to all of them at once is long and may end elsewhere.
+    // If the fit is far off, an adjustment of all of them at once has far to go and may end elsewhere.
     let is_far_off = now >= MAX_RATIO * redundancy;
     let least = if is_far_off {
         0.0
     } else {
-        freed_too(&held)?.map_or(0.0, |solution| squares(&solution))
+        solve_with(&held)?.map_or(0.0, |solution| squares(&solution))
     };
-    let (mut freed, mut found) = (Vec::new(), Vec::new());
+    let (mut freed, mut doubted) = (Vec::new(), Vec::new());
     while now - least > MIN_GAIN && freed.len() < MAX_DOUBTS {
         let enough = least + MIN_GAIN.max(LEFT_SHARE * (now - least));
-        // Of constants that together leave a fit as good as its redundancy, one explains this or more.
+        // If constants together bring the fit down to its redundancy, one of them explains at least this.
         let part = if is_far_off {
             (now - redundancy) / MAX_DOUBTS as f64
         } else {
@@ -107,7 +109,7 @@ pub fn doubts(
         let most = now - MIN_GAIN.max(part);
         let mut best: Option<(f64, Constant, Solution)> = None;
         for constant in held.iter().filter(|constant| !freed.contains(*constant)) {
-            let Some(solution) = freed_too(&[&freed[..], &[*constant]].concat())? else {
+            let Some(solution) = solve_with(&[&freed[..], &[*constant]].concat())? else {
                 continue;
             };
             let squares = squares(&solution);
@@ -125,15 +127,15 @@ pub fn doubts(
         now = squares;
         freed.push(constant);
         let all = freed.iter();
-        found = all
+        doubted = all
             .filter_map(|constant| doubt(*constant, settings, &solution))
             .collect();
     }
     drop(stage);
-    Ok(found)
+    Ok(doubted)
 }
 
-/// The constants that are held; those first whose mistakes are the largest.
+/// The constants that are held, those with the largest mistakes first.
 fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Constant> {
     let sensors = 0..settings.positions.len();
     let of_positions = sensors.flat_map(|i| [Constant::LeverArm(i), Constant::TimeOffset(i)]);
@@ -146,27 +148,28 @@ fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Const
         .collect()
 }
 
-/// What the drive says about a constant that was freed, if it is significantly off.
+/// The doubt about a constant that was estimated, if it is significantly off.
 fn doubt(constant: Constant, settings: &TrajectorySettings, solution: &Solution) -> Option<Doubt> {
     let name = constant.name(&settings.positions);
-    let is_own = |found: &&EstimatedConstant| {
-        found.name == name
-            || found
+    let is_component = |estimated: &&EstimatedConstant| {
+        estimated.name == name
+            || estimated
                 .name
                 .strip_prefix(&name)
-                .is_some_and(|rest| rest.starts_with('.'))
+                .is_some_and(|suffix| suffix.starts_with('.'))
     };
-    let values: Vec<EstimatedConstant> =
-        solution.constants.iter().filter(is_own).cloned().collect();
+    let components = solution.constants.iter().filter(is_component);
+    let values: Vec<EstimatedConstant> = components.cloned().collect();
     let least = match constant {
         Constant::LeverArm(_) => LEAST_LEVER_ARM_M,
         Constant::TimeOffset(_) | Constant::HeadingTimeOffset => LEAST_LATENCY_S,
         Constant::HeadingOffset => LEAST_OFFSET_RAD,
         _ => LEAST_GRAVITY_M_S2,
     };
-    let sigmas = |found: &EstimatedConstant| {
-        let off = off(constant, found).abs();
-        found.sigma.filter(|_| off > least).map(|sigma| off / sigma)
+    let sigmas = |estimated: &EstimatedConstant| {
+        let off = deviation(constant, estimated).abs();
+        let sigma = estimated.sigma.filter(|_| off > least);
+        sigma.map(|sigma| off / sigma)
     };
     let worst = values.iter().filter_map(sigmas).fold(0.0, f64::max);
     (solution.converged && worst > MAX_SIGMAS).then_some(Doubt {
@@ -178,37 +181,37 @@ fn doubt(constant: Constant, settings: &TrajectorySettings, solution: &Solution)
     })
 }
 
-/// How far a value is from the project's.
-fn off(constant: Constant, found: &EstimatedConstant) -> f64 {
-    let off = found.value - found.start;
+/// How far an estimated value is from the project's.
+fn deviation(constant: Constant, estimated: &EstimatedConstant) -> f64 {
+    let off = estimated.value - estimated.start;
     match constant {
         Constant::HeadingOffset => wrap(off),
         _ => off,
     }
 }
 
-/// How badly all records fit: squares of those used, and a large one for each that was rejected.
+/// How badly all records fit: the squares of those used, and a large one for each that was rejected.
 fn squares(solution: &Solution) -> f64 {
-    let of_sensor = solution
+    let by_sensor = solution
         .sensors
         .iter()
         .map(|sensor| sensor.chi_square + REJECTED_SQUARE * sensor.rejected as f64);
-    of_sensor.sum()
+    by_sensor.sum()
 }
 
 impl Doubt {
     /// How far the worst component is off, in its unit.
     pub fn off(&self) -> f64 {
         let all = self.values.iter();
-        all.map(|found| off(self.constant, found).abs())
+        all.map(|estimated| deviation(self.constant, estimated).abs())
             .fold(0.0, f64::max)
     }
 
-    /// What the drive finds, what it is likely to be, and what to write.
+    /// What the drive finds, which mistake is likely, and what to write.
     pub fn describe(&self) -> String {
         let name = &self.name;
-        let list = |of: &dyn Fn(&EstimatedConstant) -> String| {
-            self.values.iter().map(of).collect::<Vec<_>>().join(", ")
+        let list = |text: &dyn Fn(&EstimatedConstant) -> String| {
+            self.values.iter().map(text).collect::<Vec<_>>().join(", ")
         };
         let first = self.values.first();
         let (factor, unit) = first.map_or((1.0, ""), EstimatedConstant::shown_in);
@@ -217,11 +220,12 @@ impl Doubt {
             "°" => 2,
             _ => 4,
         };
-        let with_sigma = |found: &EstimatedConstant| {
-            let sigma = found.sigma.unwrap_or(f64::NAN) * factor;
-            format!("{:.digits$} ± {sigma:.digits$}", found.value * factor)
+        let with_sigma = |estimated: &EstimatedConstant| {
+            let sigma = estimated.sigma.unwrap_or(f64::NAN) * factor;
+            format!("{:.digits$} ± {sigma:.digits$}", estimated.value * factor)
         };
-        let given = |found: &EstimatedConstant| format!("{:.digits$}", found.start * factor);
+        let given =
+            |estimated: &EstimatedConstant| format!("{:.digits$}", estimated.start * factor);
         let likely = self.likely();
         let likely = likely.map_or(String::new(), |what| format!(" Is it {what}?"));
         let then = if self.is_used {
@@ -243,7 +247,7 @@ impl Doubt {
     fn remedy(&self) -> String {
         let name = self.name.as_str();
         let table = name.split_once('.').map_or(name, |(table, _)| table);
-        let value = self.values.first().map_or(f64::NAN, |found| found.value);
+        let value = self.values.first().map_or(f64::NAN, |first| first.value);
         match self.constant {
             Constant::LeverArm(_) => {
                 let list = |values: &[f64]| {
@@ -251,19 +255,19 @@ impl Doubt {
                     let values = values.map(|value| value.to_string());
                     values.collect::<Vec<_>>().join(", ")
                 };
-                // What was meant is known better than what the drive finds.
+                // The value that was meant is more exact than the one that the drive finds.
                 if let Some((_, meant)) = self.likely_lever_arm() {
                     return format!("Then write [{table}] lever_arm_m = [{}]", list(&meant));
                 }
-                let found: Vec<f64> = self.values.iter().map(|found| found.value).collect();
+                let estimated: Vec<f64> = self.values.iter().map(|axis| axis.value).collect();
                 format!(
-                    "Measure it again: [{table}] lever_arm_m = [{}] is what the drive finds, and no better \
-                     known than that",
-                    list(&found)
+                    "Measure it again: [{table}] lever_arm_m = [{}] is what the drive finds, no more \
+                     accurate than stated",
+                    list(&estimated)
                 )
             }
             Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
-                format!("Check the clocks; {value:+.4} added to [{table}] time_offset_s fits")
+                format!("Check the clocks; adding {value:+.4} to [{table}] time_offset_s fits")
             }
             Constant::HeadingOffset => format!(
                 "Check it; [{table}] mounting_offset_deg = {:.2} fits",
@@ -273,20 +277,20 @@ impl Doubt {
         }
     }
 
-    /// What the mistake is likely to be.
+    /// The likely mistake.
     fn likely(&self) -> Option<String> {
         match self.constant {
             Constant::LeverArm(_) => self.likely_lever_arm().map(|(what, _)| what),
             Constant::HeadingOffset => {
-                let found = self.values.first()?;
-                let within = MATCH_RAD.max(MATCH_SIGMAS * found.sigma?);
-                let is_at = |rad: f64| wrap(found.value - rad).abs() < within;
-                let turn = |deg: f64| found.start + deg.to_radians();
+                let offset = self.values.first()?;
+                let within = MATCH_RAD.max(MATCH_SIGMAS * offset.sigma?);
+                let is_at = |rad: f64| wrap(offset.value - rad).abs() < within;
+                let turn = |deg: f64| offset.start + deg.to_radians();
                 if is_at(turn(180.0)) {
-                    Some("180°: the antennas exchanged".into())
+                    Some("180°, with the antennas exchanged".into())
                 } else if is_at(turn(90.0)) || is_at(turn(-90.0)) {
-                    Some("90°: the antennas across the direction of travel".into())
-                } else if found.start.abs() > within && is_at(-found.start) {
+                    Some("90°, with the antennas across the direction of travel".into())
+                } else if offset.start.abs() > within && is_at(-offset.start) {
                     Some("the sign of the offset".into())
                 } else {
                     None
@@ -296,33 +300,34 @@ impl Doubt {
         }
     }
 
-    /// The mistake in words, and the lever arm that was meant.
+    /// The likely mistake in words, and the lever arm that was meant.
     fn likely_lever_arm(&self) -> Option<(String, [f64; 3])> {
         let [x, y, z] = self.values.as_slice() else {
             return None;
         };
-        let matches = |found: &EstimatedConstant, value: f64| {
-            let within = MATCH_M.max(MATCH_SIGMAS * found.sigma.unwrap_or(0.0));
-            (found.value - value).abs() < within
+        let matches = |estimated: &EstimatedConstant, value: f64| {
+            let within = MATCH_M.max(MATCH_SIGMAS * estimated.sigma.unwrap_or(0.0));
+            (estimated.value - value).abs() < within
         };
-        let is_flipped = |found: &EstimatedConstant| {
-            !matches(found, found.start) && matches(found, -found.start)
+        let is_unchanged = |estimated: &EstimatedConstant| matches(estimated, estimated.start);
+        let is_flipped = |estimated: &EstimatedConstant| {
+            !is_unchanged(estimated) && matches(estimated, -estimated.start)
         };
         let all = [("x", x), ("y", y), ("z", z)];
-        let flipped = all.iter().filter(|(_, found)| is_flipped(found));
+        let flipped = all.iter().filter(|(_, estimated)| is_flipped(estimated));
         let flipped: Vec<&str> = flipped.map(|(axis, _)| *axis).collect();
-        let is_kept = |(_, found): &(&str, &EstimatedConstant)| matches(found, found.start);
-        if all.iter().all(|one| is_kept(one) || is_flipped(one.1)) {
+        let is_explained = |estimated| is_unchanged(estimated) || is_flipped(estimated);
+        if all.iter().all(|(_, estimated)| is_explained(estimated)) {
             let what = match flipped.as_slice() {
                 [] => return None,
-                ["y", "z"] => "the sign of y and z, as of FLU in the place of FRD".into(),
+                ["y", "z"] => "the sign of y and z, as in FLU in the place of FRD".into(),
                 axes => format!("the sign of {}", axes.join(" and ")),
             };
-            let meant = all.map(|(_, found)| {
-                if is_flipped(found) {
-                    -found.start
+            let meant = all.map(|(_, estimated)| {
+                if is_flipped(estimated) {
+                    -estimated.start
                 } else {
-                    found.start
+                    estimated.start
                 }
             });
             return Some((what, meant));
@@ -338,13 +343,15 @@ stored!(struct Doubt { constant, name, values, sigmas, is_used });
 mod tests {
     use super::*;
 
-    fn values(of: &[(f64, f64)]) -> Vec<EstimatedConstant> {
+    /// Components with these project's values and estimates.
+    fn values(pairs: &[(f64, f64)]) -> Vec<EstimatedConstant> {
         let names = [
             "prism.lever_arm.x",
             "prism.lever_arm.y",
             "prism.lever_arm.z",
         ];
-        of.iter()
+        pairs
+            .iter()
             .zip(names)
             .map(|(&(start, value), name)| EstimatedConstant {
                 name: name.into(),
@@ -356,11 +363,11 @@ mod tests {
             .collect()
     }
 
-    fn lever_arm(of: &[(f64, f64); 3]) -> Doubt {
+    fn lever_arm(pairs: &[(f64, f64); 3]) -> Doubt {
         Doubt {
             constant: Constant::LeverArm(0),
             name: "prism.lever_arm".into(),
-            values: values(of),
+            values: values(pairs),
             sigmas: 50.0,
             is_used: false,
         }
@@ -368,14 +375,14 @@ mod tests {
 
     #[test]
     fn likely_mistakes_in_a_lever_arm_are_named() {
-        for (of, likely) in [
+        for (pairs, likely) in [
             (
                 [(0.1, -0.101), (0.05, -0.051), (-0.55, -0.549)],
                 Some("the sign of x and y"),
             ),
             (
                 [(0.1, 0.1), (0.05, -0.05), (-0.55, 0.56)],
-                Some("the sign of y and z, as of FLU in the place of FRD"),
+                Some("the sign of y and z, as in FLU in the place of FRD"),
             ),
             (
                 [(0.1, 0.052), (0.05, 0.098), (-0.55, -0.55)],
@@ -383,7 +390,7 @@ mod tests {
             ),
             ([(0.1, 0.3), (0.05, 0.05), (-0.55, -0.55)], None),
         ] {
-            assert_eq!(lever_arm(&of).likely().as_deref(), likely);
+            assert_eq!(lever_arm(&pairs).likely().as_deref(), likely);
         }
     }
 

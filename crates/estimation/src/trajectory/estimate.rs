@@ -11,7 +11,7 @@ use super::streams::MotionLogs;
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
 
-/// Steps of an adjustment, as most take them, and the units of its progress.
+/// Usual number of steps of an adjustment, and the units of its progress.
 const STEPS: u64 = 5;
 const PROGRESS_UNITS: u64 = 1000;
 
@@ -30,9 +30,9 @@ pub struct Estimate {
 /// Estimates the trajectory from an IMU, positions of prisms or antennas, and headings: a factor
 /// graph on a chain, solved by Levenberg-Marquardt with the losses of the settings.
 ///
-/// Records that do not fit are left out and named in [`Solution::rejections`]. Without headings
-/// the direction of travel gives the start, and the standard deviations show how well the yaw is
-/// found.
+/// Records that do not fit are left out and listed in [`Solution::rejections`]. Without headings, the
+/// direction of travel gives the start values, and the standard deviations show how well the yaw is
+/// determined.
 ///
 /// # Errors
 /// Values that are not finite, streams that do not overlap, too few positions, an IMU gap of
@@ -55,22 +55,22 @@ pub fn estimate_from(
     let stage = progress.stage("trajectory", PROGRESS_UNITS);
     let steps = &Steps::new(progress, STEPS, PROGRESS_UNITS);
     // Enter the thread pool once: each entry from outside costs two thread switches.
-    let mut asked = settings.clone();
+    let mut observable = settings.clone();
     let mut unobservable = Vec::new();
     let adjusted = rayon::scope(|_| {
         let adjusted = adjust(start, logs, settings, steps)?;
-        // These latencies are not observable in the drive: they stay where the project has them.
+        // These latencies are not observable in the drive: they keep the project's values.
         unobservable = adjusted.unobservable_latencies();
         if unobservable.is_empty() {
             return Ok(adjusted);
         }
-        asked.estimate.retain(|constant| {
+        observable.estimate.retain(|constant| {
             latency_of(constant).is_none_or(|stream| !unobservable.contains(&stream))
         });
-        adjust(start, logs, &asked, steps)
+        adjust(start, logs, &observable, steps)
     });
     let adjusted = adjusted?;
-    let (trajectory, solution) = conclude(&adjusted, &asked, &unobservable, progress)?;
+    let (trajectory, solution) = conclude(&adjusted, &observable, &unobservable, progress)?;
     drop(stage);
     if solution.converged {
         progress.say(&solution.to_string());

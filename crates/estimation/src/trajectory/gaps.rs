@@ -8,10 +8,10 @@ use crate::statistics::median;
 
 /// A longer gap between IMU samples is refused: two drives, or a log that lost its middle.
 pub const MAX_IMU_GAP_S: f64 = 120.0;
-/// No IMU is as fast, seconds.
+/// No IMU samples at shorter intervals, seconds.
 const MIN_IMU_INTERVAL_S: f64 = 1e-5;
-/// Most samples that may bridge gaps, for each sample recorded and in any case. Otherwise the gaps
-/// of a log whose stamps come in bursts would be filled with samples without number.
+/// Largest number of samples that may bridge gaps: this many for each recorded sample, and this many more.
+/// Otherwise the gaps of a log whose stamps come in bursts would be filled with countless samples.
 const MAX_BRIDGING: (usize, usize) = (10, 1_000_000);
 /// An IMU interval longer than this many times the median has lost samples.
 pub const GAP_INTERVALS: f64 = 2.5;
@@ -25,12 +25,12 @@ pub fn median_interval_s(imu: &[ImuSample]) -> f64 {
 /// Checks the time from sample to sample.
 ///
 /// # Errors
-/// Names the unit that the times seem to be in, where they cannot be seconds.
+/// Times that cannot be in seconds; the message names the unit that they seem to be in.
 pub fn check_interval(interval_s: f64) -> Result<()> {
     if interval_s < MIN_IMU_INTERVAL_S {
         return Err(Error::data(
             format!("the IMU log's samples lie {interval_s:.1e} s apart"),
-            "check the unit of its times: seconds",
+            "check the unit of its times, which must be in seconds",
         ));
     }
     if interval_s > MAX_IMU_INTERVAL_S {
@@ -52,20 +52,21 @@ pub fn check_interval(interval_s: f64) -> Result<()> {
 /// # Errors
 /// The stamps leave more gaps than a log has.
 pub fn check_bridging(bridging: usize, recorded: usize) -> Result<()> {
-    let (share, least) = MAX_BRIDGING;
-    if bridging <= share.saturating_mul(recorded).saturating_add(least) {
+    let (per_sample, more) = MAX_BRIDGING;
+    if bridging <= per_sample.saturating_mul(recorded).saturating_add(more) {
         return Ok(());
     }
     Err(Error::data(
         format!(
-            "the gaps of the IMU log would take {bridging} samples or more to bridge, and it holds \
+            "the gaps of the IMU log would take {bridging} samples or more to bridge, but it holds \
              {recorded}: its stamps come in bursts, or most of it is missing"
         ),
         "check the times of the IMU log",
     ))
 }
 
-/// Samples with gaps filled by the line between their ends, which of them fill, and the gaps.
+/// The samples with gaps filled by linear interpolation, which of them fill gaps, and the gaps, seconds from
+/// and to.
 #[expect(clippy::type_complexity, reason = "read once, by the caller above")]
 pub fn bridge(
     imu: &[ImuSample],
@@ -104,12 +105,12 @@ pub fn bridge(
     Ok((samples, bridged, gaps))
 }
 
-/// How many samples bridge a gap from sample to sample of `gap_s`.
+/// How many samples bridge a gap between two samples that lie `gap_s` apart.
 pub fn bridging_samples(gap_s: f64, interval_s: f64) -> usize {
     ((gap_s / interval_s).round() as usize).saturating_sub(1)
 }
 
-/// Samples at the interval of the log on the line between two of them.
+/// Samples at the interval of the log, interpolated linearly between two samples.
 pub fn bridged_samples(
     from: &ImuSample,
     to: &ImuSample,

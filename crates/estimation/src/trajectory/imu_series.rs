@@ -1,4 +1,4 @@
-//! The IMU's samples in time order, gaps bridged: one array for all that integrate it.
+//! The IMU's samples in time order with gaps bridged, shared by everything that integrates them.
 
 use super::gaps::{bridge, bridge_noise};
 use super::settings::ImuNoise;
@@ -50,13 +50,13 @@ impl ImuSeries {
         })
     }
 
-    /// One more sample, later than all before.
+    /// Appends a sample that is later than all before it.
     pub fn push(&mut self, sample: ImuSample, bridged: bool) {
         self.samples.push(sample);
         self.bridged.push(bridged);
     }
 
-    /// Noise of all samples that bridge gaps from now on.
+    /// Sets the noise of the samples that bridge gaps.
     pub fn set_bridge_noise(&mut self, noise: ImuNoise) {
         self.bridge_noise = noise;
     }
@@ -88,7 +88,7 @@ impl ImuSeries {
         after.saturating_sub(1)
     }
 
-    /// When a sample ceases to hold.
+    /// The time until which a sample holds.
     fn end_s(&self, sample: usize) -> f64 {
         match self.samples.get(sample + 1) {
             Some(next) => next.time_s,
@@ -151,17 +151,17 @@ mod tests {
         };
         let samples = (0..5).map(sample).collect();
         let series = ImuSeries::new(samples, 0.1, &noise).expect("no gap");
-        let found = |from, to| -> Vec<(i32, i32)> {
+        let pieces = |from, to| -> Vec<(i32, i32)> {
             let hundredths = |s: f64| (s * 100.0).round() as i32;
             let pieces = series.pieces(from, to);
             pieces
                 .map(|p| (hundredths(p.sample.time_s), hundredths(p.duration_s)))
                 .collect()
         };
-        assert_eq!(found(0.0, 0.25), [(0, 10), (10, 10), (20, 5)]);
-        assert_eq!(found(0.25, 0.5), [(20, 5), (30, 10), (40, 10)]);
-        assert_eq!(found(0.25, 0.27), [(20, 2)]);
-        assert_eq!(found(0.25, 0.25), []);
+        assert_eq!(pieces(0.0, 0.25), [(0, 10), (10, 10), (20, 5)]);
+        assert_eq!(pieces(0.25, 0.5), [(20, 5), (30, 10), (40, 10)]);
+        assert_eq!(pieces(0.25, 0.27), [(20, 2)]);
+        assert_eq!(pieces(0.25, 0.25), []);
         assert_eq!((series.at(0.5), series.span_s().0), (4, 0.0));
         assert!((series.span_s().1 - 0.5).abs() < 1e-12);
     }

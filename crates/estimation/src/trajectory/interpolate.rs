@@ -11,7 +11,7 @@ use crate::stored::stored;
 /// Positions follow the cubic Hermite curve through positions and velocities where velocities are
 /// known (its error is (Δt)⁴/384 times the fourth derivative: below a micrometre at IMU rate) and
 /// the straight line elsewhere; attitudes turn at constant rate. Outside the span there is no
-/// pose, nor between two nodes of which one is known less well than the limits demand.
+/// pose, nor between two nodes one of which is known less well than the limits demand.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[serde(transparent)]
 pub struct Trajectory {
@@ -21,7 +21,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Checks and takes the nodes.
+    /// A trajectory through these nodes.
     ///
     /// # Errors
     /// Fewer than two nodes, or times that do not increase.
@@ -51,16 +51,16 @@ impl Trajectory {
         })
     }
 
-    /// The same nodes; poses that are known less well than `limits` are no longer given out.
+    /// The same nodes; poses that are known less well than `limits` demand are withheld.
     ///
     /// # Errors
-    /// A limit, and a pose without standard deviations.
+    /// There is a limit, but a pose has no standard deviations.
     pub fn with_limits(self, limits: PoseLimits) -> Result<Self> {
         let without = self.nodes.iter().find(|node| node.sigma.is_none());
         if let (false, Some(node)) = (limits.is_none(), without) {
             return Err(Error::data(
                 format!(
-                    "the sigmas of poses are bounded, and the pose at {:.6} s comes without \
+                    "the sigmas of poses are bounded, but the pose at {:.6} s comes without \
                      standard deviations",
                     node.time_s
                 ),
@@ -185,7 +185,7 @@ fn hermite(pa: Vec3, va: Vec3, pb: Vec3, vb: Vec3, dt: f64, u: f64) -> Vec3 {
         + vb * (dt * (u3 - u2))
 }
 
-/// Remembers the interval of the last time asked for, so that a stream of times costs no search.
+/// Remembers the interval of the last time asked for, so that a stream of times needs no search.
 #[derive(Debug, Clone)]
 pub struct PoseCursor<'a> {
     trajectory: &'a Trajectory,
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn cubic_motion_is_reproduced_and_ends_are_ends() {
+    fn cubic_motion_is_reproduced_and_not_extrapolated() {
         let trajectory = Trajectory::new((0..=20).map(|i| record(f64::from(i) * 0.1)).collect())
             .expect("valid nodes");
         let mut cursor = trajectory.cursor();

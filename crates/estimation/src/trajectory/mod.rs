@@ -1,8 +1,8 @@
 //! The trajectory: from logs to poses with standard deviations, and poses at any time between.
 //!
 //! Files depend on each other in this order: states → factors → graph → batch → diagnostics,
-//! conclusion → estimate → online. Other rooms of the crate may take the rows of a graph and the
-//! derivatives of its poses (`recovery`) to a problem of their own.
+//! conclusion → estimate → online. Other modules of the crate may use the rows of a graph and the
+//! derivatives of its poses (`recovery`) in problems of their own.
 
 pub(crate) mod batch;
 mod clock;

@@ -21,13 +21,13 @@ pub struct MotionSums {
     pub rotation: Rotation,
     pub position_m: Vec3,
     pub velocity_m_s: Vec3,
-    /// The bias taken off while summing.
+    /// The bias subtracted while summing.
     pub bias: ImuBias,
-    /// Derivative of (rotation, position, velocity) by the bias.
+    /// Derivative of (rotation, position, velocity) with respect to the bias.
     pub by_bias: Mat9x6,
 }
 
-/// The derivative of new sums by the old ones,
+/// The derivative of the new sums with respect to the old ones,
 /// A = [[turn, 0, 0], [position, 1, dt], [velocity, 0, 1]] in blocks of 3.
 #[derive(Debug, Clone, Copy)]
 pub struct Transition {
@@ -38,7 +38,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// `left` A.
+    /// The product `left` A.
     pub fn after(&self, left: &Mat9) -> Mat9 {
         let columns = |at: usize| left.fixed_columns::<3>(at);
         let mut product = *left;
@@ -52,10 +52,10 @@ impl Transition {
     }
 }
 
-/// The derivatives of new sums (rotation, position, velocity) by the gyro and the accelerometer
-/// bias of the sample added; minus these, by its noise.
+/// The derivatives of the new sums (rotation, position, velocity) with respect to the gyro and the
+/// accelerometer bias of the added sample; those with respect to its noise are their negatives.
 #[derive(Debug, Clone, Copy)]
-pub struct Own {
+pub struct SampleDerivative {
     pub by_gyro: [Mat3; 3],
     pub by_accel: [Mat3; 3],
 }
@@ -78,7 +78,7 @@ impl Corrected {
 }
 
 impl MotionSums {
-    /// No motion yet, about this bias.
+    /// The sums of no motion, about this bias.
     pub fn new(bias: ImuBias) -> Self {
         Self {
             duration_s: 0.0,
@@ -90,7 +90,7 @@ impl MotionSums {
         }
     }
 
-    /// Of all these pieces, about this bias.
+    /// The sums over all these pieces, about this bias.
     pub fn over<'a>(bias: ImuBias, pieces: impl Iterator<Item = Piece<'a>>) -> Self {
         let mut sums = Self::new(bias);
         for piece in pieces {
@@ -105,10 +105,15 @@ impl MotionSums {
     /// With θ = (ω − b_g) dt and a = f − b_a,
     /// Δp += Δv dt + ½ ΔR Exp(θ/3) a dt², Δv += ΔR Exp(θ/2) a dt, ΔR ← ΔR Exp(θ).
     /// The fractions of θ turn the mean force to where it acts while the body turns; what they
-    /// leave is of second order in θ (Forster et al. leave the first).
+    /// neglect is of second order in θ (Forster et al. neglect the first order).
     ///
-    /// Returns the derivatives of the new sums by the old, and by the sample's own bias.
-    pub fn add(&mut self, gyro_rad_s: Vec3, accel_m_s2: Vec3, dt_s: f64) -> (Transition, Own) {
+    /// Returns the derivatives of the new sums with respect to the old ones and to the sample's bias.
+    pub fn add(
+        &mut self,
+        gyro_rad_s: Vec3,
+        accel_m_s2: Vec3,
+        dt_s: f64,
+    ) -> (Transition, SampleDerivative) {
         let theta = (gyro_rad_s - self.bias.gyro_rad_s) * dt_s;
         let force = accel_m_s2 - self.bias.accel_m_s2;
         let matrix = |rotation: &Rotation| rotation.to_rotation_matrix().into_inner();
@@ -126,7 +131,7 @@ impl MotionSums {
         };
         let turned_third = right_jacobian(&(theta / 3.0)) * (dt_s / 3.0);
         let turned_half = right_jacobian(&(theta / 2.0)) * (dt_s / 2.0);
-        let own = Own {
+        let derivative = SampleDerivative {
             by_gyro: [
                 right_jacobian(&theta) * -dt_s,
                 start * third * force_hat * turned_third * half_square,
@@ -152,21 +157,29 @@ impl MotionSums {
                 .fixed_view_mut::<3, 3>(row, column)
                 .copy_from(&block);
         };
-        put(0, 0, turn * by_gyro[0] + own.by_gyro[0]);
+        put(0, 0, turn * by_gyro[0] + derivative.by_gyro[0]);
         put(
             3,
             0,
-            position * by_gyro[0] + by_gyro[1] + by_gyro[2] * dt_s + own.by_gyro[1],
+            position * by_gyro[0] + by_gyro[1] + by_gyro[2] * dt_s + derivative.by_gyro[1],
         );
-        put(6, 0, velocity * by_gyro[0] + by_gyro[2] + own.by_gyro[2]);
-        put(3, 3, by_accel[0] + by_accel[1] * dt_s + own.by_accel[1]);
-        put(6, 3, by_accel[1] + own.by_accel[2]);
+        put(
+            6,
+            0,
+            velocity * by_gyro[0] + by_gyro[2] + derivative.by_gyro[2],
+        );
+        put(
+            3,
+            3,
+            by_accel[0] + by_accel[1] * dt_s + derivative.by_accel[1],
+        );
+        put(6, 3, by_accel[1] + derivative.by_accel[2]);
 
         self.position_m += self.velocity_m_s * dt_s + start * (third * force) * half_square;
         self.velocity_m_s += start * (half * force) * dt_s;
         self.rotation *= step;
         self.duration_s += dt_s;
-        (transition, own)
+        (transition, derivative)
     }
 
     /// The 3 × 3 block of [`MotionSums::by_bias`] at these rows and columns.
@@ -179,7 +192,7 @@ impl MotionSums {
         self.bias_block(0, 0) * (bias.gyro_rad_s - self.bias.gyro_rad_s)
     }
 
-    /// The sums to first order of what the bias misses.
+    /// The sums corrected to a bias, to first order of its difference from the bias subtracted.
     pub fn corrected(&self, bias: &ImuBias) -> Corrected {
         let gyro = bias.gyro_rad_s - self.bias.gyro_rad_s;
         let accel = bias.accel_m_s2 - self.bias.accel_m_s2;
@@ -194,9 +207,9 @@ impl MotionSums {
         }
     }
 
-    /// Where the sums, corrected to `bias`, lead from a node.
+    /// The motion predicted from a node by the sums, corrected to `bias`.
     pub fn predict(&self, from: &NodeState, bias: &ImuBias, gravity_m_s2: f64) -> NodeState {
-        let (by, dt) = (self.corrected(bias), self.duration_s);
+        let (sums, dt) = (self.corrected(bias), self.duration_s);
         let gravity = Vec3::new(0.0, 0.0, -gravity_m_s2);
         let WorldFromBody {
             rotation,
@@ -206,10 +219,10 @@ impl MotionSums {
         let position_m = translation_m
             + from.velocity_m_s * dt
             + gravity * (0.5 * dt * dt)
-            + rotation * by.position_m;
+            + rotation * sums.position_m;
         NodeState {
-            world_from_body: WorldFromBody::new(rotation * by.rotation, position_m),
-            velocity_m_s: from.velocity_m_s + gravity * dt + rotation * by.velocity_m_s,
+            world_from_body: WorldFromBody::new(rotation * sums.rotation, position_m),
+            velocity_m_s: from.velocity_m_s + gravity * dt + rotation * sums.velocity_m_s,
         }
     }
 }

@@ -26,7 +26,7 @@ impl Preintegrated {
         }
     }
 
-    /// Of all these pieces, about this bias.
+    /// The sums over all these pieces, about this bias.
     pub fn over<'a>(bias: ImuBias, pieces: impl Iterator<Item = Piece<'a>>) -> Self {
         let mut sums = Self::new(bias);
         pieces.for_each(|piece| {
@@ -50,7 +50,7 @@ impl Preintegrated {
         dt_s: f64,
         noise: &ImuNoise,
     ) -> Transition {
-        let (transition, own) = self.sums.add(gyro_rad_s, accel_m_s2, dt_s);
+        let (transition, derivative) = self.sums.add(gyro_rad_s, accel_m_s2, dt_s);
         let old = |row: usize, column: usize| -> Mat3 {
             self.covariance
                 .fixed_view::<3, 3>(3 * row, 3 * column)
@@ -65,7 +65,7 @@ impl Preintegrated {
             velocity,
             dt_s,
         } = transition;
-        // A Σ, then its upper blocks by Aᵀ.
+        // A Σ, then the upper blocks of A Σ Aᵀ.
         let first = upper.map(|block| turn * block);
         let second: [Mat3; 3] =
             std::array::from_fn(|i| position * upper[i] + middle[i] + lower[i] * dt_s);
@@ -73,8 +73,8 @@ impl Preintegrated {
         let gyro = noise.gyro_density.powi(2) / dt_s;
         let accel = noise.accel_density.powi(2) / dt_s;
         let white = |a: usize, b: usize| {
-            own.by_gyro[a] * own.by_gyro[b].transpose() * gyro
-                + own.by_accel[a] * own.by_accel[b].transpose() * accel
+            derivative.by_gyro[a] * derivative.by_gyro[b].transpose() * gyro
+                + derivative.by_accel[a] * derivative.by_accel[b].transpose() * accel
         };
         let (position, velocity) = (position.transpose(), velocity.transpose());
         let integration = Mat3::identity() * (INTEGRATION_DENSITY.powi(2) * dt_s);

@@ -3,8 +3,8 @@
 //! Between the nodes i and j the state at sample k is known from node i by the IMU, and the closing
 //! error of the sums at node j, e = r(x_i, x_j, b), is distributed by the best linear estimate:
 //! x_k = (x_i ⊕ sums_k) ⊕ G_k e with G_k = Σ_k Φ_jkᵀ Σ_j⁻¹, where Σ are the covariances of the sums
-//! and Φ_jk carries an error at k to j. That is what a node at k would be estimated at, and its
-//! covariance is F Σ F ᵀ + Σ_k − G_k Σ_j G_kᵀ with F the derivative of x_k by x_i, x_j and b.
+//! and Φ_jk carries an error at k to j. A node at k would be estimated at the same state. Its covariance
+//! is F Σ Fᵀ + Σ_k − G_k Σ_j G_kᵀ with F the derivative of x_k with respect to x_i, x_j and b.
 
 use super::graph::Graph;
 use super::imu_series::{ImuSeries, SAME_INSTANT_S};
@@ -19,11 +19,11 @@ use std::ops::Range;
 
 /// Unknowns of a pose: δφ (body), δp (world).
 pub const POSE: usize = 6;
-/// Derivative of a pose by the unknowns of its step.
+/// Derivative of a pose with respect to the unknowns of its step.
 pub type PoseRows = [[f64; STEP]; POSE];
 type Mat3x9 = nalgebra::SMatrix<f64, 3, 9>;
 
-/// A pose of a step, with its derivatives by the step's unknowns.
+/// A pose of a step, with its derivatives with respect to the step's unknowns.
 pub struct Recovered {
     /// Index among the poses of the trajectory.
     pub pose: usize,
@@ -33,7 +33,7 @@ pub struct Recovered {
 
 /// What a pose depends on.
 enum PoseSupport {
-    /// It is the pose of a node whose unknowns start here.
+    /// It is the pose of a node, whose unknowns start at this column of the step's.
     Node(usize),
     /// It lies between nodes.
     Between(Box<Between>),
@@ -41,12 +41,12 @@ enum PoseSupport {
 
 struct Between {
     rows: PoseRows,
-    /// Variance beyond that of the nodes: rotation in the body frame, position in the world.
-    own: (Mat3, Mat3),
+    /// Covariance beyond that of the nodes: rotation in the body frame, position in the world.
+    scatter: (Mat3, Mat3),
 }
 
 impl Recovered {
-    /// Adds a gradient by the pose (POSE values) to one by the step's unknowns.
+    /// Adds a gradient with respect to the pose (POSE values) to one with respect to the step's unknowns.
     pub fn pull_back(&self, by_pose: &[f64], by_step: &mut [f64; STEP]) {
         match &self.support {
             PoseSupport::Node(first) => {
@@ -64,7 +64,7 @@ impl Recovered {
         }
     }
 
-    /// The derivatives of the pose by the unknowns of its step.
+    /// The derivatives of the pose with respect to the unknowns of its step.
     pub fn rows(&self) -> PoseRows {
         match &self.support {
             PoseSupport::Node(first) => std::array::from_fn(|row| {
@@ -83,8 +83,8 @@ impl Recovered {
                 (block(0), block(3))
             }
             PoseSupport::Between(between) => (
-                propagated(&between.rows[..3], unknowns) + between.own.0,
-                propagated(&between.rows[3..], unknowns) + between.own.1,
+                propagated(&between.rows[..3], unknowns) + between.scatter.0,
+                propagated(&between.rows[3..], unknowns) + between.scatter.1,
             ),
         };
         let world = self.record.world_from_body.rotation.to_rotation_matrix();
@@ -113,7 +113,7 @@ fn propagated(rows: &[[f64; STEP]], unknowns: &[[f64; STEP]; STEP]) -> Mat3 {
     Mat3::from_fn(|a, b| product[a].iter().zip(&rows[b]).map(|(x, y)| x * y).sum())
 }
 
-/// One sample's end inside a step.
+/// The end of a sample inside a step.
 struct Inside {
     sums: MotionSums,
     covariance: Mat9,
@@ -182,9 +182,9 @@ impl Recovery<'_> {
         }
     }
 
-    /// The poses `wanted`, which are the ends of samples inside the step, from the last to the
+    /// The poses with these indices, which are the ends of samples inside the step, from the last to the
     /// first.
-    fn inside(&self, step: usize, wanted: Range<usize>) -> Vec<Recovered> {
+    fn inside(&self, step: usize, poses: Range<usize>) -> Vec<Recovered> {
         let (graph, state) = (self.graph, self.state);
         let bias = graph.bias(state, step);
         let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
@@ -199,8 +199,8 @@ impl Recovery<'_> {
         // From the last end inside to the first, with Φ_jk carried along.
         let mut carried = Mat9::identity();
         let variance = graph.imu_scale * graph.imu_scale;
-        let mut found = Vec::with_capacity(wanted.len());
-        for (pose, end) in wanted.zip(&ends).rev() {
+        let mut recovered = Vec::with_capacity(poses.len());
+        for (pose, end) in poses.zip(&ends).rev() {
             if let Some(transition) = &end.to_next {
                 carried = transition.after(&carried);
             }
@@ -219,7 +219,7 @@ impl Recovery<'_> {
             let world_from_body = WorldFromBody::new(rotation, position_m);
 
             let mut rows = by_sums(&end.sums, bias, &r);
-            // And through the closing error.
+            // The part of the derivative through the closing error.
             let share_rotation: Mat3x9 = shared.fixed_rows::<3>(0).into_owned();
             let share_position: Mat3x9 = r * shared.fixed_rows::<3>(3);
             for (at, share) in [(0, &share_rotation), (3, &share_position)] {
@@ -233,19 +233,19 @@ impl Recovery<'_> {
                 }
             }
             let block = |at: usize| end.covariance.fixed_view::<3, 3>(at, at) * variance;
-            let own_rotation = block(0) - share_rotation * share_rotation.transpose();
-            let own_position =
+            let rotation_scatter = block(0) - share_rotation * share_rotation.transpose();
+            let position_scatter =
                 r * block(3) * r.transpose() - share_position * share_position.transpose();
-            found.push(Recovered {
+            recovered.push(Recovered {
                 pose,
                 record: self.record(step, pose, world_from_body, velocity_m_s),
                 support: PoseSupport::Between(Box::new(Between {
                     rows,
-                    own: (own_rotation, own_position),
+                    scatter: (rotation_scatter, position_scatter),
                 })),
             });
         }
-        found
+        recovered
     }
 
     /// The sums at the end of every sample inside the step.
@@ -270,8 +270,8 @@ impl Recovery<'_> {
     }
 }
 
-/// The derivative of a pose by the step's unknowns through the sums from its node alone, whose
-/// world_from_body is `r`.
+/// The derivative of a pose with respect to the step's unknowns through the sums alone; `r` is
+/// world_from_body at their node.
 fn by_sums(sums: &MotionSums, bias: &ImuBias, r: &Mat3) -> PoseRows {
     let mut rows = [[0.0; STEP]; POSE];
     let mut put = |row: usize, column: usize, block: &Mat3| {

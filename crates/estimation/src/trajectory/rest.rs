@@ -1,4 +1,4 @@
-//! When the body rests, seen by IMU, positions and headings together.
+//! When the body rests, according to IMU, positions and headings together.
 
 use super::settings::TrajectorySettings;
 use super::streams::Streams;
@@ -17,10 +17,10 @@ const ENGINE_RAD_S: f64 = 0.01;
 const ENGINE_M_S2: f64 = 0.1;
 /// Positions and headings of a resting body stay within this many standard deviations.
 const REACH_SIGMAS: f64 = 4.0;
-/// A line through the positions of a rest climbs by less than this many of its standard deviations.
+/// A line through the positions of a rest has a slope of less than this many of its standard deviations.
 const SLOPE_SIGMAS: f64 = 3.0;
-/// This much of a rest is discarded at both ends, seconds: the blocks are coarse, and a robot creeps
-/// to a halt. A log that begins at rest begins after the halt.
+/// This much of a rest is discarded at both ends, seconds: the blocks are coarse, and a robot creeps to a
+/// halt. Where a log begins at rest, the halt was before it, and nothing is discarded there.
 const MARGIN_S: f64 = 1.0;
 
 /// A time of rest.
@@ -35,7 +35,7 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// How still a body is that rests on soft ground with its engine on.
+    /// Standard deviation of the velocity of a body at rest on soft ground with its engine on, m/s.
     pub const SIGMA_M_S: f64 = 0.002;
 
     pub fn holds_at(&self, time_s: f64) -> bool {
@@ -48,21 +48,21 @@ impl Rest {
 pub fn rests(streams: &Streams, settings: &TrajectorySettings) -> Vec<Rest> {
     let (start, end) = streams.span_s();
     let blocks = ((end - start) / REST_BLOCK_S).floor() as usize;
-    let mut found = Vec::new();
+    let mut rests = Vec::new();
     let mut run = 0;
     for block in 0..=blocks {
         let from = start + block as f64 * REST_BLOCK_S;
-        if block < blocks && still(streams, settings, from) {
+        if block < blocks && is_still(streams, settings, from) {
             run += 1;
             continue;
         }
         if run >= REST_BLOCKS {
             let from_s = from - run as f64 * REST_BLOCK_S;
-            found.extend(checked(streams, settings, from_s, from));
+            rests.extend(checked_rest(streams, settings, from_s, from));
         }
         run = 0;
     }
-    found
+    rests
 }
 
 fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64) -> &[T] {
@@ -72,7 +72,7 @@ fn between<T>(records: &[T], time_s: impl Fn(&T) -> f64, from_s: f64, to_s: f64)
 }
 
 /// Whether nothing moves in the block from `from_s` on.
-pub fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
+pub fn is_still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> bool {
     let to_s = from_s + REST_BLOCK_S;
     let samples = between(&streams.imu, |s| s.time_s, from_s, to_s);
     let first = streams.imu.partition_point(|s| s.time_s < from_s);
@@ -110,8 +110,8 @@ pub fn still(streams: &Streams, settings: &TrajectorySettings, from_s: f64) -> b
         && seen >= 2
 }
 
-/// The run of still blocks as a rest, where neither headings nor positions drift through it.
-pub fn checked(
+/// A run of still blocks as a rest, if neither headings nor positions drift during it.
+pub fn checked_rest(
     streams: &Streams,
     settings: &TrajectorySettings,
     from_s: f64,

@@ -1,7 +1,7 @@
 //! Outliers: the weight of each record.
 //!
-//! A first adjustment takes all records at full weight. Where none of them passes the limit of its
-//! test, that is the result. Otherwise the weights follow the loss of each sensor; the truncated
+//! A first adjustment takes all records at full weight. Where none of them exceeds the limit of
+//! its test, that is the result. Otherwise the weights follow the loss of each sensor; the truncated
 //! loss is reached by graduated non-convexity.
 
 use super::graph::{Graph, Source};
@@ -26,11 +26,11 @@ const MAX_ROUNDS: usize = 60;
 const MAX_SETTLINGS: usize = 10;
 /// From this scale on, records are tested with an IMU as noisy as its residuals.
 const NOTABLE_SCALE: f64 = 1.5;
-/// Times that the IMU's scale is estimated for each set of outliers.
+/// How often the IMU's scale is estimated for each set of outliers.
 const SCALINGS: usize = 2;
 /// Components of a position and of a heading.
-const OF_POSITION: f64 = 3.0;
-const OF_HEADING: f64 = 1.0;
+const POSITION_COMPONENTS: f64 = 3.0;
+const HEADING_COMPONENTS: f64 = 1.0;
 
 /// The weights of records by their numbers in the logs.
 #[derive(Debug, Clone, Default)]
@@ -40,7 +40,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Those of a graph.
+    /// The weights of a graph.
     pub fn of(graph: &Graph) -> Self {
         let positions = graph.positions.iter();
         let headings = graph.headings.iter();
@@ -64,9 +64,9 @@ impl Weights {
     }
 }
 
-/// Adjusts with the losses of the settings. The weights of the factors end as used.
+/// Adjusts with the losses of the settings. The factors keep the weights of the final adjustment.
 ///
-/// `known` are weights that a near adjustment found: the search for outliers starts from them.
+/// `known` are the weights of an adjustment that differs little: the search for outliers starts from them.
 pub fn solve(
     graph: &mut Graph,
     state: &mut State,
@@ -82,8 +82,8 @@ pub fn solve(
     let groups = groups(graph, settings);
     let squares = squares(graph, state);
     let suspicious = groups.iter().any(|group| group.is_suspicious(&squares));
-    let all_count = weights_of(graph).iter().all(|weight| *weight >= 1.0);
-    if !suspicious && all_count {
+    let all_at_full_weight = weights_of(graph).iter().all(|weight| *weight >= 1.0);
+    if !suspicious && all_at_full_weight {
         return Ok(ended);
     }
     let first = ended;
@@ -152,11 +152,12 @@ fn settle(
 /// Half the squared normalised residuals with the project's noise of the IMU, a rejected record
 /// counting as one at the limit of its test: what the truncated loss minimises.
 pub fn truncated_cost(graph: &Graph, ended: &Ended) -> f64 {
-    let lost = |components: f64, weight: f64| 0.5 * (1.0 - weight) * rejection_limit(components);
+    let rejected_cost =
+        |components: f64, weight: f64| 0.5 * (1.0 - weight) * rejection_limit(components);
     let positions = graph.positions.iter();
-    let positions = positions.map(|fix| lost(OF_POSITION, fix.weight));
+    let positions = positions.map(|fix| rejected_cost(POSITION_COMPONENTS, fix.weight));
     let headings = graph.headings.iter();
-    let headings = headings.map(|fix| lost(OF_HEADING, fix.weight));
+    let headings = headings.map(|fix| rejected_cost(HEADING_COMPONENTS, fix.weight));
     ended.cost + positions.sum::<f64>() + headings.sum::<f64>()
 }
 
@@ -172,7 +173,7 @@ fn rescale(graph: &mut Graph, state: &State, factor: &ChainFactor, component: Co
 /// A variance component of the IMU.
 type Component = fn(&Graph, &State, &ChainFactor) -> Option<f64>;
 
-/// The records of each sensor; places count all positions, then all headings.
+/// The records of each sensor; indices count all positions, then all headings.
 fn groups(graph: &Graph, settings: &TrajectorySettings) -> Vec<LossGroup> {
     let positions = graph.positions.len();
     let of_sensor = |sensor: usize| {
@@ -181,15 +182,15 @@ fn groups(graph: &Graph, settings: &TrajectorySettings) -> Vec<LossGroup> {
     };
     let sensors = settings.positions.iter().enumerate();
     let mut groups: Vec<LossGroup> = sensors
-        .map(|(sensor, own)| LossGroup {
-            loss: own.loss,
-            components: OF_POSITION,
+        .map(|(sensor, position)| LossGroup {
+            loss: position.loss,
+            components: POSITION_COMPONENTS,
             records: of_sensor(sensor),
         })
         .collect();
     groups.push(LossGroup {
         loss: settings.heading.loss,
-        components: OF_HEADING,
+        components: HEADING_COMPONENTS,
         records: (positions..positions + graph.headings.len()).collect(),
     });
     groups
@@ -257,9 +258,9 @@ pub fn weigh_cautiously(graph: &mut Graph, state: &State) {
     let squares = squares(graph, state);
     let weights = squares.iter().enumerate().map(|(i, square)| {
         let components = if i < positions {
-            OF_POSITION
+            POSITION_COMPONENTS
         } else {
-            OF_HEADING
+            HEADING_COMPONENTS
         };
         cautious_weight(components, *square)
     });

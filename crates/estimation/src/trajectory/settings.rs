@@ -21,9 +21,9 @@ pub enum PositionKind {
 /// A prism or a GNSS antenna on the body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PositionSettings {
-    /// How the project and the log call it: `prism`, `gnss`, or a name of its own; unique.
+    /// Its name in the project and the log: `prism`, `gnss`, or any other; unique.
     pub name: String,
-    /// What it is.
+    /// Prism or GNSS antenna.
     pub kind: PositionKind,
     /// Standard deviations of east, north, up where the log gives none, metres.
     pub sigma_m: Vec3,
@@ -34,8 +34,8 @@ pub struct PositionSettings {
     pub correlation_s: f64,
     /// The prism or antenna in the body frame, metres.
     pub lever_arm_m: Vec3,
-    /// Standard deviation of each of its coordinates, metres: the estimate holds it, and positions on the
-    /// body are no better known.
+    /// Standard deviation of each coordinate of the lever arm, metres. The estimate holds the lever arm, and
+    /// positions on the body are known no better than this.
     pub sigma_lever_arm_m: f64,
     /// The total station in the world frame where it is known, metres: the incidence-dependent
     /// bias of a 360° prism needs the line of sight.
@@ -104,7 +104,7 @@ pub enum Nodes {
     /// At position fixes, and at least one a second; poses in between follow from the IMU.
     #[default]
     Prism,
-    /// At every IMU sample, as the paper.
+    /// At every IMU sample, as in the paper.
     Imu,
 }
 
@@ -131,16 +131,16 @@ pub enum Constant {
 }
 
 impl Constant {
-    /// Its name in the project, where the position sensors are called `positions`.
+    /// Its name in the project; `positions` are the settings of the position sensors.
     pub fn name(self, positions: &[PositionSettings]) -> String {
-        let of = |index: usize, what: &str| {
+        let name_of = |index: usize, key: &str| {
             let name = positions.get(index).map_or("?", |p| p.name.as_str());
-            format!("{name}.{what}")
+            format!("{name}.{key}")
         };
         match self {
-            Self::TimeOffset(index) => of(index, "time_offset"),
-            Self::LeverArm(index) => of(index, "lever_arm"),
-            Self::IncidenceBias(index) => of(index, "incidence_bias"),
+            Self::TimeOffset(index) => name_of(index, "time_offset"),
+            Self::LeverArm(index) => name_of(index, "lever_arm"),
+            Self::IncidenceBias(index) => name_of(index, "incidence_bias"),
             Self::HeadingOffset => "heading.mounting_offset".into(),
             Self::HeadingTimeOffset => "heading.time_offset".into(),
             Self::Gravity => "frame.gravity".into(),

@@ -9,7 +9,7 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RejectionReason {
-    /// Its time does not increase over that of the records around it.
+    /// Its time is out of order with those of the records around it.
     TimeOrder,
     /// It lies before or after the IMU's log.
     OutsideImu,
@@ -39,7 +39,7 @@ pub struct Rejection {
     pub record: usize,
     /// Seconds.
     pub time_s: f64,
-    /// Why.
+    /// Why it is not used.
     pub reason: RejectionReason,
     /// Length of the residual in standard deviations, for outliers.
     pub normalised: Option<f64>,
@@ -66,7 +66,7 @@ pub struct Residual {
 /// Statistics of one sensor's residuals after the adjustment.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SensorDiagnostics {
-    /// `imu`, `bias_walk`, `heading`, `pitch`, `rest`, or the name of the position sensor.
+    /// `heading`, `pitch`, `rest`, `gyro`, `accelerometer`, `bias_walk`, or the name of the position sensor.
     pub name: String,
     /// Unit of the raw residuals; empty where they mix units.
     pub unit: &'static str,
@@ -86,8 +86,8 @@ pub struct SensorDiagnostics {
     pub chi_square: f64,
     /// Where Ω lies in 95 of 100 drives if the standard deviations are right.
     pub chi_square_bounds_95: [f64; 2],
-    /// Ω / r: 1 where the standard deviations are right; their factor is its root. `None` where
-    /// nothing checks the sensor.
+    /// Ω / r: 1 where the standard deviations are right; else its square root is the factor that they
+    /// need. `None` where nothing checks the sensor.
     pub variance_component: Option<f64>,
 }
 
@@ -133,7 +133,7 @@ pub struct Tally {
 pub struct EstimatedConstant {
     /// As in the project, with the component: `prism.lever_arm.x`.
     pub name: String,
-    /// Of the values.
+    /// Unit of the values.
     pub unit: &'static str,
     /// The value of the project.
     pub start: f64,
@@ -145,13 +145,13 @@ pub struct EstimatedConstant {
 }
 
 impl EstimatedConstant {
-    /// The factor to the unit in which it is shown, and that unit: angles in degrees, times in
-    /// milliseconds.
+    /// The factor that converts it to the unit in which it is shown, and that unit: angles in degrees,
+    /// times in milliseconds.
     pub fn shown_in(&self) -> (f64, &'static str) {
         match self.unit {
             "rad" => (1f64.to_degrees(), "°"),
             "s" => (1e3, "ms"),
-            other => (1.0, other),
+            unit => (1.0, unit),
         }
     }
 }
@@ -184,7 +184,7 @@ pub struct Solution {
     pub cost_final: f64,
     /// Nodes of the graph.
     pub nodes: usize,
-    /// One entry a sensor: position sensors, heading, pitch, rest, IMU, bias walk.
+    /// One for each sensor: position sensors, heading, pitch, rest, gyro, accelerometer, bias walk.
     pub sensors: Vec<SensorDiagnostics>,
     /// Constants estimated along with the trajectory.
     pub constants: Vec<EstimatedConstant>,
@@ -256,11 +256,11 @@ impl fmt::Display for Solution {
 const NOISE_SIGMAS: f64 = 3.0;
 
 impl Solution {
-    /// The factor on the standard deviations of the IMU that its residuals ask for, where that is not
-    /// chance; 1 elsewhere.
+    /// The factor on the standard deviations of the IMU that its residuals ask for, if it is significant;
+    /// otherwise 1.
     pub fn imu_noise_factor(&self) -> f64 {
-        let of_imu = |name: &str| name == "gyro" || name == "accelerometer";
-        let sensors = self.sensors.iter().filter(|s| of_imu(&s.name));
+        let is_imu = |name: &str| name == "gyro" || name == "accelerometer";
+        let sensors = self.sensors.iter().filter(|s| is_imu(&s.name));
         let (square, redundancy) = sensors.fold((0.0, 0.0), |(square, redundancy), sensor| {
             (square + sensor.chi_square, redundancy + sensor.redundancy)
         });

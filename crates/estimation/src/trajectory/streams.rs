@@ -1,5 +1,5 @@
-//! The logs as recorded, prepared for the adjustment: values checked, records out of time order
-//! dropped and named, gaps of the IMU bridged.
+//! The logs as recorded, prepared for the adjustment: values checked, records out of time order dropped
+//! and listed, gaps of the IMU bridged.
 
 use super::gaps::{check_interval, median_interval_s};
 use super::imu_series::ImuSeries;
@@ -10,7 +10,7 @@ use crate::geometry::{Mat3, is_finite};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
 use crate::statistics::median;
 
-/// Fewest position fixes within the IMU's span: below, not even a smooth start can be made.
+/// Fewest position fixes within the IMU's span: with fewer, there are not even start values.
 pub const MIN_FIXES: usize = 5;
 
 /// What the sensors of one drive recorded.
@@ -32,8 +32,8 @@ pub enum Stream {
     Heading,
 }
 
-/// From `record` (from 0) on, the times of a stream are corrected by `shift_s`: its latency where
-/// the record is the first, else a clock that was set while the log ran.
+/// From `record` (from 0) on, the times of a stream are corrected by `shift_s`: for its latency
+/// where the record is the first, else for a clock that was set while the log ran.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClockCorrection {
     pub stream: Stream,
@@ -65,7 +65,7 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// Checks and orders the logs, their clocks corrected.
+    /// Checks the logs, corrects their clocks and puts them in order.
     ///
     /// # Errors
     /// Values that are not finite, streams that do not overlap, too few positions, IMU gaps of
@@ -82,9 +82,9 @@ impl Streams {
         })?;
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let name = names.log(Stream::Position(sensor));
-            check_values(&name, fixes, check_value_of_fix)?;
+            check_values(&name, fixes, is_valid_fix)?;
         }
-        check_values("heading log", logs.heading, check_value_of_heading)?;
+        check_values("heading log", logs.heading, is_valid_heading)?;
 
         let mut dropped = Vec::new();
         let imu = ordered(logs.imu, Stream::Imu, &names, corrections, &mut dropped);
@@ -154,7 +154,7 @@ impl Names<'_> {
     fn log(&self, stream: Stream) -> String {
         match stream {
             Stream::Imu => "IMU log".into(),
-            other => format!("{} log", self.sensor(other)),
+            Stream::Position(_) | Stream::Heading => format!("{} log", self.sensor(stream)),
         }
     }
 }
@@ -163,14 +163,14 @@ fn is_sigma(sigma: Option<f64>) -> bool {
     sigma.is_none_or(|s| s.is_finite() && s > 0.0)
 }
 
-/// Whether a fix holds a position, and a covariance where it gives one.
-pub fn check_value_of_fix(fix: &PositionFix) -> bool {
+/// Whether a fix holds a finite position and, if any, a positive definite covariance.
+pub fn is_valid_fix(fix: &PositionFix) -> bool {
     let covariance = |c: &Mat3| c.cholesky().is_some() && c.iter().all(|x| x.is_finite());
     is_finite(&fix.position_m) && fix.covariance_m2.as_ref().is_none_or(covariance)
 }
 
-/// Whether a heading holds angles, and standard deviations where it gives them.
-pub fn check_value_of_heading(fix: &HeadingFix) -> bool {
+/// Whether a heading holds finite angles and, if any, positive standard deviations.
+pub fn is_valid_heading(fix: &HeadingFix) -> bool {
     fix.heading_rad.is_finite()
         && fix.pitch_rad.is_none_or(f64::is_finite)
         && is_sigma(fix.sigma_rad)
@@ -181,7 +181,7 @@ pub fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> R
     if logs.positions.is_empty() || logs.positions.len() != settings.positions.len() {
         return Err(Error::data(
             format!(
-                "{} position logs and settings for {}",
+                "there are {} position logs, but settings for {}",
                 logs.positions.len(),
                 settings.positions.len()
             ),
@@ -211,7 +211,7 @@ pub fn check_settings(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> R
     }
 }
 
-/// Finite times and valid values.
+/// Checks that times are finite and values valid.
 fn check_values<T: Timed>(name: &str, stream: &[T], valid: impl Fn(&T) -> bool) -> Result<()> {
     if let Some(row) = stream.iter().position(|r| !r.time_s().is_finite()) {
         return Err(Error::data(
@@ -227,14 +227,14 @@ fn check_values<T: Timed>(name: &str, stream: &[T], valid: impl Fn(&T) -> bool) 
                 row + 1,
                 stream[row].time_s()
             ),
-            "remove the record or mend the value",
+            "remove the record or correct the value",
         )),
         None => Ok(()),
     }
 }
 
-/// The largest set of records whose times increase strictly, after the clock's corrections; the
-/// others are dropped and named. One wild stamp costs one record, wherever it points.
+/// The largest set of records whose times increase strictly, after the corrections of the clock; the
+/// others are dropped and listed. One wild stamp costs one record, however far off it is.
 fn ordered<T: Timed + Copy>(
     records: &[T],
     stream: Stream,
@@ -257,8 +257,8 @@ fn ordered<T: Timed + Copy>(
         })
         .collect();
     let times: Vec<f64> = corrected.iter().map(Timed::time_s).collect();
-    let kept = longest_increasing(&times);
-    let mut next = kept.iter().copied().peekable();
+    let increasing = longest_increasing(&times);
+    let mut next = increasing.iter().copied().peekable();
     for (record, time_s) in times.iter().enumerate() {
         if next.next_if_eq(&record).is_none() {
             dropped.push(Rejection {
@@ -270,7 +270,8 @@ fn ordered<T: Timed + Copy>(
             });
         }
     }
-    kept.iter()
+    increasing
+        .iter()
         .map(|&record| Numbered {
             record,
             value: corrected[record],
@@ -297,35 +298,35 @@ fn longest_increasing(values: &[f64]) -> Vec<usize> {
             ends[length] = i;
         }
     }
-    let mut kept = Vec::with_capacity(ends.len());
+    let mut indices = Vec::with_capacity(ends.len());
     let mut at = ends.last().copied().unwrap_or(usize::MAX);
     while at != usize::MAX {
-        kept.push(at);
+        indices.push(at);
         at = before[at];
     }
-    kept.reverse();
-    kept
+    indices.reverse();
+    indices
 }
 
 /// Refuses times whose span is that of the IMU log times a power of 1000, in steps that no sensor of
 /// a drive takes.
 fn check_unit(
     name: &str,
-    own: (f64, f64),
+    log_s: (f64, f64),
     steps_s: impl Iterator<Item = f64>,
     imu: (f64, f64),
 ) -> Result<()> {
     const LONGEST_USUAL_STEP_S: f64 = 20.0;
-    const ALIKE: f64 = 4.0;
-    let span_s = own.1 - own.0;
+    const TOLERANCE_FACTOR: f64 = 4.0;
+    let span_s = log_s.1 - log_s.0;
     // One wild stamp changes the span but not the median step.
     let step_s = median(steps_s).unwrap_or(0.0);
-    let unit = time_unit_within(span_s / (imu.1 - imu.0), ALIKE);
+    let unit = time_unit_within(span_s / (imu.1 - imu.0), TOLERANCE_FACTOR);
     match unit.filter(|_| step_s > LONGEST_USUAL_STEP_S) {
         Some(unit) => Err(Error::data(
             format!("time steps of {step_s:.3} s in the {name}: are these {unit}?"),
             format!(
-                "give its times in seconds: the IMU log spans {:.3} s, and this one {span_s:.3}",
+                "give its times in seconds: the IMU log spans {:.3} s, and this log {span_s:.3} s",
                 imu.1 - imu.0
             ),
         )),
@@ -333,7 +334,7 @@ fn check_unit(
     }
 }
 
-/// The records inside the IMU's span; the others are dropped and named.
+/// The records inside the IMU's span; the others are dropped and listed.
 fn within<T: Timed>(
     records: Vec<Numbered<T>>,
     span: (f64, f64),
@@ -343,12 +344,12 @@ fn within<T: Timed>(
 ) -> Result<Vec<Numbered<T>>> {
     let time_s = |r: &Numbered<T>| r.value.time_s();
     if let (Some(first), Some(last)) = (records.first(), records.last()) {
-        let own = (time_s(first), time_s(last));
-        check_overlap(("IMU log", span), (&names.log(stream), own))?;
+        let log_s = (time_s(first), time_s(last));
+        check_overlap(("IMU log", span), (&names.log(stream), log_s))?;
         let steps = records
             .windows(2)
             .map(|pair| time_s(&pair[1]) - time_s(&pair[0]));
-        check_unit(&names.log(stream), own, steps, span)?;
+        check_unit(&names.log(stream), log_s, steps, span)?;
     }
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()
@@ -368,7 +369,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_largest_increasing_set_is_kept() {
+    fn the_largest_increasing_set_is_found() {
         // Against all subsets of short sequences.
         let mut state = 1u32;
         for _ in 0..200 {
@@ -389,12 +390,13 @@ mod tests {
                 .filter(|set| increasing(*set))
                 .map(u32::count_ones)
                 .max();
-            let kept = longest_increasing(&values);
+            let indices = longest_increasing(&values);
             assert!(
-                kept.windows(2)
+                indices
+                    .windows(2)
                     .all(|w| values[w[1]] > values[w[0]] && w[1] > w[0])
             );
-            assert_eq!(Some(kept.len() as u32), best, "{values:?}");
+            assert_eq!(Some(indices.len() as u32), best, "{values:?}");
         }
         // One wild stamp costs one record.
         assert_eq!(

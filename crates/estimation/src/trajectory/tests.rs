@@ -1,4 +1,4 @@
-//! What other rooms build on: the rows of a graph beside rows of their own, in another solver.
+//! What other modules rely on: rows of a graph together with other rows, in another solver.
 
 use super::batch::{Adjusted, Carried, adjust_once};
 use super::initial::initial;
@@ -86,13 +86,13 @@ impl ScanFactor {
             state,
             imu: &adjusted.streams.imu,
         };
-        let mut found = None;
+        let mut recovered = None;
         recovery.step(self.step, |pose| {
             if pose.pose == self.pose {
-                found = Some(pose);
+                recovered = Some(pose);
             }
         });
-        found.expect("a pose of the step")
+        recovered.expect("a pose of the step")
     }
 
     /// z − (offset + slopes · (x, y)) of the point in the world.
@@ -106,7 +106,7 @@ impl ScanFactor {
         let in_body = mounting.value.map(&self.point_m);
         let in_world = world_from_body.map(&in_body);
         let shape = Vec3::new(1.0, in_world.x, in_world.y);
-        // ∂r by the point in the world, and in body axes.
+        // ∂r with respect to the point, in world and in body axes.
         let by_world = Vec3::new(-patch.value.y, -patch.value.z, 1.0);
         let by_body = world_from_body.rotation.inverse() * by_world;
         let turned = in_body.cross(&by_body);
@@ -139,7 +139,7 @@ fn moved(adjusted: &Adjusted, step: usize, a: usize, h: f64) -> State {
     state
 }
 
-/// A mounting and a patch in columns behind those of the constants.
+/// A mounting and a patch, in columns after those of the constants.
 fn beside(adjusted: &Adjusted) -> (Parameter<BodyFromScanner>, Parameter<Vec3>, Columns) {
     let mut columns = Columns {
         count: adjusted.state.constants.count(),
@@ -247,7 +247,7 @@ impl Dense {
         }
     }
 
-    /// All that the graph knows.
+    /// All rows and priors of the graph.
     fn of_graph(adjusted: &Adjusted, state: &State, columns: usize) -> Self {
         let (graph, mut all) = (&adjusted.graph, Self::new(adjusted, columns));
         for step in 0..graph.layout().steps() {
@@ -293,8 +293,8 @@ fn another_solver_finds_the_step_of_the_chain_and_takes_scan_rows_beside() {
         .expect("positive definite")
         .solve(&dense.g);
     let nodes = step.nodes.as_flattened();
-    let found = [nodes, step.segments.as_flattened(), &step.border].concat();
-    for (a, b) in found.iter().zip(&solution) {
+    let chain = [nodes, step.segments.as_flattened(), &step.border].concat();
+    for (a, b) in chain.iter().zip(&solution) {
         assert!((a - b).abs() < 1e-6 * solution.amax(), "{a} {b}");
     }
 
@@ -314,13 +314,15 @@ fn another_solver_finds_the_step_of_the_chain_and_takes_scan_rows_beside() {
             joint.add(step, segment, &rows.weighted(1e8));
         }
     }
-    // One plane leaves the mounting's height and the patch's to each other, and the turn about it.
+    // A single plane determines neither the mounting's height apart from the patch's, nor the turn about
+    // its normal.
     for column in count..columns.count {
         joint.add_weight(&[(joint.chain + column, 1.0)], 1.0, 0.0);
     }
     let covariance = joint.h.cholesky().expect("positive definite").inverse();
     let sigma = |column: usize| covariance[(joint.chain + column, joint.chain + column)].sqrt();
-    // Its tilts are seen, far better than the prior of 1 rad; along its normal it is free.
+    // The tilts of the mounting are known far better than by the prior of 1 rad; along the normal it is
+    // free.
     assert!(
         sigma(count) < 0.05 && sigma(count + 1) < 0.05,
         "{} {}",

@@ -9,8 +9,8 @@ use super::settings::{Nodes, TrajectorySettings};
 use super::streams::Streams;
 use crate::adjustment::ChainLayout;
 
-/// Longest time that one bias is held, and longest step unless the settings ask for shorter ones:
-/// where the prism is out, biases still walk.
+/// Longest time for which one bias is held, and longest step unless the settings ask for shorter ones:
+/// biases walk even while the prism is out of sight.
 pub const MAX_STEP_S: f64 = TrajectorySettings::MAX_STEP_S;
 
 /// The chain of one drive.
@@ -53,18 +53,19 @@ impl Timeline {
         self.node_s.len() - 1
     }
 
-    /// The step that holds `time_s`, and how long after its node; the end belongs to the last.
+    /// The step that contains `time_s`, and the time since its node, seconds; the end belongs to the last
+    /// step.
     pub fn place(&self, time_s: f64) -> (usize, f64) {
         let after = self
             .node_s
             .partition_point(|&t| t <= time_s + SAME_INSTANT_S);
         let step = after.saturating_sub(1).min(self.steps() - 1);
-        let rest_s = time_s - self.node_s[step];
-        let exact = rest_s.abs() <= SAME_INSTANT_S;
-        (step, if exact { 0.0 } else { rest_s })
+        let after_node_s = time_s - self.node_s[step];
+        let exact = after_node_s.abs() <= SAME_INSTANT_S;
+        (step, if exact { 0.0 } else { after_node_s })
     }
 
-    /// The poses from the node of `step` to before the next; to the end for the last step.
+    /// The poses from the node of `step` up to the next node, or to the end for the last step.
     pub fn poses_of(&self, step: usize) -> std::ops::Range<usize> {
         let first_at = |node: usize| {
             self.pose_s

@@ -32,7 +32,7 @@ pub fn imu_mean_component(graph: &Graph, state: &State, factor: &ChainFactor) ->
 /// The same from the median of the single components, which faults at less than half of the steps
 /// do not move: v²/r of each component that others check, over the median of χ² with one degree.
 pub fn imu_median_component(graph: &Graph, state: &State, factor: &ChainFactor) -> Option<f64> {
-    /// Components checked less than this hold nothing but rounding.
+    /// The residuals of components checked less than this are nothing but rounding errors.
     const CHECKED: f64 = 1e-3;
     let mut ratios: Vec<f64> = Vec::with_capacity(9 * state.nodes.len());
     visit(graph, state, factor, |residual, r| {

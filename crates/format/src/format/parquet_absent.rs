@@ -17,7 +17,7 @@ fn absent(path: &Path) -> Error {
     )
 }
 
-/// The header of a file, which this program cannot read.
+/// The header of a Parquet file; this program never has one.
 pub(crate) struct Header {
     pub(crate) names: Vec<String>,
     pub(crate) is_foreign_cloud: bool,

@@ -241,7 +241,7 @@ fn time_unit(factor: f64) -> Option<&'static str> {
     }
 }
 
-/// As [`time_unit`], but `None` if `factor` differs from a power of 1000 by a ratio of more than `up_to`.
+/// As `time_unit`, but `None` if `factor` differs from a power of 1000 by a ratio of more than `up_to`.
 pub fn time_unit_within(factor: f64, up_to: f64) -> Option<&'static str> {
     let off = (factor.log10() / 3.0).fract();
     let off_decades = 3.0 * off.min(1.0 - off);

@@ -1,4 +1,4 @@
-//! M3C2 between cloud files of any size, with the same results as in one piece.
+//! M3C2 between cloud files of any size; the results do not depend on whether the clouds fit in memory.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -21,10 +21,10 @@ use crate::progress::{Progress, Silent};
 /// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and during
 /// indexing.
 const BYTES_A_POINT: u64 = 160;
-/// A tile's points are loaded with those of its halo, and those of the other cloud.
+/// Memory for each point of a tile, bytes: the points of its halo and of the other cloud are loaded as well.
 const BYTES_A_TILE_POINT: u64 = 4 * BYTES_A_POINT;
 
-/// The files and settings of a comparison.
+/// The files of a comparison, and its settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// The cloud to assess.
@@ -75,7 +75,7 @@ pub enum NormalSource {
 #[derive(Debug)]
 pub struct Compared {
     /// The result at each core point.
-    pub found: M3c2,
+    pub m3c2: M3c2,
     /// Number of tiles; 1 if compared in one piece.
     pub tiles: usize,
     /// The memory limit, bytes.
@@ -104,7 +104,7 @@ pub fn compare(
     let core = comparison.core.as_deref().map(format::read_core_points);
     let core = core.transpose()?;
     let mut work = Compared {
-        found: M3c2::default(),
+        m3c2: M3c2::default(),
         tiles: 1,
         memory_bytes: budget.bytes,
         read_s: 0.0,
@@ -157,11 +157,11 @@ fn in_one_piece(
     drop((reference, compared));
     drop(clouds);
     let total = core.points.len() as u64;
-    let (found, seconds) = stage(progress, "comparing the clouds (M3C2)", total, || {
+    let (m3c2, seconds) = stage(progress, "comparing the clouds (M3C2)", total, || {
         indexed.distances(&core.points, normals, progress)
     })?;
     work.compare_s = seconds;
-    work.found = found;
+    work.m3c2 = m3c2;
     Ok(())
 }
 
@@ -177,9 +177,9 @@ fn by_tiles(
     let normals = normals_of(comparison, core, progress);
     let settings = &comparison.settings;
     let (low, high) = reference.extent();
-    // Rounding when the sides are moved must not lose a point.
+    // Moving the sides rounds them, which must not lose a point.
     let wide = |margin_m: f64| margin_m * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax());
-    let mut found: Vec<(u64, CoreDistance)> = Vec::new();
+    let mut results: Vec<(u64, CoreDistance)> = Vec::new();
     for (tile, rectangle) in reference.tiles().rectangles().iter().enumerate() {
         let start = Instant::now();
         let (places, points) = match core {
@@ -190,7 +190,7 @@ fn by_tiles(
                 thinned(&near.indices, &near.points, rectangle, comparison)
             }
         };
-        let own_normals = match normals {
+        let tile_normals = match normals {
             Normals::Given(normals) => places
                 .iter()
                 .map(|&place| normals[place as usize])
@@ -198,7 +198,7 @@ fn by_tiles(
             _ => Vec::new(),
         };
         let normals = match normals {
-            Normals::Given(_) => Normals::Given(&own_normals),
+            Normals::Given(_) => Normals::Given(&tile_normals),
             other => other,
         };
         if !points.is_empty() {
@@ -209,38 +209,37 @@ fn by_tiles(
             work.index_s += start.elapsed().as_secs_f64();
             let start = Instant::now();
             let distances = clouds.distances(&points, normals, &Silent)?;
-            found.extend(places.into_iter().zip(distances.core));
+            results.extend(places.into_iter().zip(distances.core));
             work.compare_s += start.elapsed().as_secs_f64();
         }
         progress.advance(reference.count(tile));
         progress.check()?;
     }
-    found.sort_unstable_by_key(|(place, _)| *place);
-    work.found.core = found.into_iter().map(|(_, distance)| distance).collect();
+    results.sort_unstable_by_key(|(place, _)| *place);
+    work.m3c2.core = results.into_iter().map(|(_, distance)| distance).collect();
     Ok(())
 }
 
-/// Indices and points of those of `points` inside a tile.
+/// Those of `points` that lie in a tile, with their indices.
 fn inside(points: &[Vec3], tile: &Rectangle) -> (Vec<u64>, Vec<Vec3>) {
-    let own = (0u64..)
+    let in_tile = (0u64..)
         .zip(points)
         .filter(|(_, point)| tile.contains(point));
-    own.map(|(place, point)| (place, *point)).unzip()
+    in_tile.map(|(place, point)| (place, *point)).unzip()
 }
 
-/// Indices in the reference and points of the core points in a tile, thinned from `points`.
+/// The core points in a tile, thinned from `points`, with their indices in the reference.
 fn thinned(
     indices: &[u64],
     points: &[Vec3],
     tile: &Rectangle,
     comparison: &Comparison,
 ) -> (Vec<u64>, Vec<Vec3>) {
-    let kept = core_indices(points, &comparison.settings);
-    let own = kept
+    let in_tile = core_indices(points, &comparison.settings)
         .into_iter()
         .map(|at| at as usize)
         .filter(|&at| tile.contains(&points[at]));
-    own.map(|at| (indices[at], points[at])).unzip()
+    in_tile.map(|at| (indices[at], points[at])).unzip()
 }
 
 fn normals_of<'a>(

@@ -17,7 +17,7 @@ use crate::output::Staging;
 use crate::progress::Progress;
 
 /// Memory for each point of a cloud processed in one piece, or of a tile with its halo, bytes:
-/// points, index, features twice. Less than 260 measured with 3 million points.
+/// points, index, features twice. Measured with 3 million points: less than 260.
 const BYTES_A_POINT: u64 = 300;
 /// A tile with its halo may have twice as many points as the tile alone.
 const BYTES_A_TILE_POINT: u64 = 2 * BYTES_A_POINT;
@@ -65,7 +65,7 @@ pub struct FeatureSummary {
     pub beyond_halo: u64,
     /// The memory limit, bytes.
     pub memory_bytes: u64,
-    /// Time to read and sort into tiles, seconds.
+    /// Time to read the points and sort them into tiles, seconds.
     pub read_s: f64,
     /// Time to compute neighbourhoods and features, seconds.
     pub features_s: f64,
@@ -130,8 +130,8 @@ fn in_one_piece(
     let (rows, seconds) = stage(progress, "features", work.points, || {
         let index = NeighbourIndex::new(&points);
         drop(points);
-        let of = settings.neighbourhood;
-        index.surroundings_of_all(&index, of, progress, |_, near| {
+        let neighbourhood = settings.neighbourhood;
+        index.surroundings_of_all(&index, neighbourhood, progress, |_, near| {
             FeatureRow::of(near, &settings.features)
         })
     })?;

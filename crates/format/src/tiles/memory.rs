@@ -1,6 +1,6 @@
 //! Memory limits, and the peak memory of the program.
 
-/// Memory of the program before it has read a point, and file buffers, bytes.
+/// Memory of the program before it reads a point, with its file buffers, bytes.
 const BYTES_BEFORE: u64 = 150 << 20;
 /// Fewest points in a tile: with fewer, halos would outweigh tiles.
 const LEAST_TILE: u64 = 20_000;
@@ -67,13 +67,13 @@ pub fn peak_memory_bytes() -> Option<u64> {
     None
 }
 
-/// Limits the memory of this program to so many bytes: more cannot be allocated, and a program that must have it ends.
+/// Limits the memory of this program: allocations beyond `bytes` fail, which ends the program.
 /// Returns whether the system can do that.
 pub fn limit_memory(bytes: u64) -> bool {
     #[cfg(unix)]
     {
         use nix::sys::resource::{Resource, setrlimit};
-        // A limit above that of the system stays as it is.
+        // Fails where the system's limit is lower, which then stays in force.
         setrlimit(Resource::RLIMIT_DATA, bytes, bytes).is_ok()
     }
     #[cfg(not(unix))]

@@ -37,8 +37,8 @@ impl Rectangle {
         }
     }
 
-    /// The same rectangle, with sides beyond which a cloud between `low` and `high` has no points
-    /// moved to infinity.
+    /// The same rectangle, in which each side is moved to infinity if a cloud between `low` and `high`
+    /// has no points beyond it.
     pub fn open_beyond(&self, low: &Vec3, high: &Vec3) -> Self {
         let mut open = *self;
         for axis in 0..2 {
@@ -78,7 +78,7 @@ impl Rectangle {
     }
 }
 
-/// A part of the tree over the plane.
+/// A node of the tree over the plane.
 #[derive(Debug, Clone, PartialEq)]
 enum Node {
     /// Points whose coordinate is less than `at` go to the next node, others to node `other`.
@@ -206,10 +206,10 @@ mod tests {
         for p in points.iter().chain(&[[1e9, 1e9], [-1e9, 0.0], [7.0, 3.0]]) {
             let point = Vec3::new(p[0], p[1], 5.0);
             let tile = tiles.tile_of(&point);
-            let holding: Vec<usize> = (0..counts.len())
+            let containing: Vec<usize> = (0..counts.len())
                 .filter(|i| tiles.rectangles()[*i].contains(&point))
                 .collect();
-            assert_eq!(holding, [tile]);
+            assert_eq!(containing, [tile]);
             assert!(tiles.rectangles()[tile].depth_m(&point) >= 0.0);
             assert_eq!(tiles.rectangles()[tile].distance_m(&point), 0.0);
             counts[tile] += 1;
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_to_sides() {
+    fn distances_to_the_sides_are_those_of_geometry() {
         let tile = Rectangle {
             low: [0.0, f64::NEG_INFINITY],
             high: [4.0, 3.0],

@@ -11,7 +11,7 @@ const BUFFERS: usize = 64 << 20;
 
 /// Appends to many files at once, in large pieces and with one file open at a time.
 pub(super) struct Appender {
-    waiting: Vec<Vec<u8>>,
+    buffers: Vec<Vec<u8>>,
     /// Approximate limit on the bytes buffered for each file.
     most: usize,
 }
@@ -19,7 +19,7 @@ pub(super) struct Appender {
 impl Appender {
     pub(super) fn new(files: usize) -> Self {
         Self {
-            waiting: vec![Vec::new(); files],
+            buffers: vec![Vec::new(); files],
             most: (BUFFERS / files.max(1)).clamp(4 << 10, 1 << 20),
         }
     }
@@ -31,22 +31,22 @@ impl Appender {
         parts: &[&[u8]],
         path: impl Fn() -> PathBuf,
     ) -> Result<()> {
-        let waiting = &mut self.waiting[file];
+        let buffer = &mut self.buffers[file];
         for part in parts {
-            waiting.extend_from_slice(part);
+            buffer.extend_from_slice(part);
         }
-        if waiting.len() >= self.most {
-            append(&path(), waiting)?;
-            waiting.clear();
+        if buffer.len() >= self.most {
+            append(&path(), buffer)?;
+            buffer.clear();
         }
         Ok(())
     }
 
     /// Writes buffered records.
     pub(super) fn finish(self, path: impl Fn(usize) -> PathBuf) -> Result<()> {
-        for (file, waiting) in self.waiting.iter().enumerate() {
-            if !waiting.is_empty() {
-                append(&path(file), waiting)?;
+        for (file, buffer) in self.buffers.iter().enumerate() {
+            if !buffer.is_empty() {
+                append(&path(file), buffer)?;
             }
         }
         Ok(())

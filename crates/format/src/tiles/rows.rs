@@ -16,12 +16,12 @@ const RECORD: usize = 4 * FEATURE_COLUMNS;
 /// The chosen features of one point, rounded for writing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FeatureRow {
-    /// Their columns in the chosen order, the rest 0: the bits of an f32, or the number of neighbours.
+    /// Their columns in the chosen order, each as the bits of an f32 or as the number of neighbours; the rest is 0.
     pub words: [u32; FEATURE_COLUMNS],
 }
 
 impl FeatureRow {
-    /// Those of a neighbourhood.
+    /// The features of a neighbourhood.
     pub fn of(near: &Surroundings, features: &[Feature]) -> Self {
         Self::of_shape(&Shape::of_wanted(near, features), features)
     }
@@ -42,7 +42,7 @@ impl FeatureRow {
         Self { words }
     }
 
-    /// Fills the columns of `features`, with which the row was made.
+    /// Fills in the columns of `features`, which must be those that the row was made with.
     pub(super) fn fill(&self, features: &[Feature], values: &mut [f64]) {
         let columns = features
             .iter()
@@ -72,7 +72,7 @@ impl FeatureRow {
     }
 }
 
-/// Rows on disk: added in any order, sorted into files by ranges of indices.
+/// Rows on disk: added in any order, and sorted into files that each cover a range of indices.
 pub(super) struct RowStore {
     folder: PathBuf,
     appender: Appender,
@@ -140,7 +140,7 @@ impl SortedRows {
     fn load(&mut self, file: u64) -> Result<()> {
         let first = file * self.range;
         let expected = self.range.min(self.points - first);
-        let mut found = 0;
+        let mut rows = 0;
         self.rows.clear();
         self.rows.resize(
             expected as usize,
@@ -151,13 +151,13 @@ impl SortedRows {
         read_records::<{ RECORD + 8 }>(&path(&self.folder, file), |record| {
             let place = (number(record) - first) as usize;
             self.rows[place] = FeatureRow::from_bytes(&record[8..]);
-            found += 1;
+            rows += 1;
             Ok(())
         })?;
-        if found != expected {
+        if rows != expected {
             return Err(Error::data(
                 format!(
-                    "{}: found {found} of {expected} rows in a temporary file",
+                    "{}: found {rows} of {expected} rows in a temporary file",
                     self.folder.display()
                 ),
                 "free disk space and run again; no other program may write to this folder",
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_count_as_many_as_features_have() {
+    fn the_number_of_columns_is_that_of_all_features() {
         let columns = Feature::ALL.map(|feature| feature.columns().len());
         assert_eq!(columns.iter().sum::<usize>(), FEATURE_COLUMNS);
         let shape = Shape {

@@ -10,7 +10,7 @@ use crate::format::{self, ExtraDimension, Format, Row};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
-/// Number of in-memory points passed on at a time.
+/// Number of points passed on at a time from a cloud in memory.
 const CHUNK: usize = 100_000;
 
 /// The points of a cloud: LAS and LAZ remain in their file, which is streamed as often as needed;
@@ -116,8 +116,8 @@ impl CloudSource {
         let write = || match self {
             Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
             Self::Memory { cloud, wkt } => {
-                let shaped = (dimensions, wkt.clone());
-                format::cloud_to_las(cloud, output, shaped, row, progress)
+                let dimensions_and_crs = (dimensions, wkt.clone());
+                format::cloud_to_las(cloud, output, dimensions_and_crs, row, progress)
             }
         };
         stage(progress, "writing the cloud", self.len(), write).map(|(_, seconds)| seconds)

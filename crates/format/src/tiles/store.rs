@@ -1,13 +1,13 @@
 //! A cloud larger than memory, stored on disk in tiles: streamed in once, read back by rectangle.
 //!
 //! Results do not depend on the tiles: [`TileStore::within`] returns all points in a rectangle in
-//! the order of the stream. Work with a reach of h goes tile by tile like this:
+//! the order of the stream. Work that needs all points within a distance h goes tile by tile like this:
 //!
 //! ```text
 //! let store = TileStore::write(&staging.path("tiles"), most_points, stream)?;
 //! for tile in store.tiles().rectangles() {
 //!     let near = store.within(&tile.widened(h))?;   // the points with halo
-//!     let own = near.points.iter().filter(|point| tile.contains(point));
+//!     let in_tile = near.points.iter().filter(|point| tile.contains(point));
 //! }
 //! ```
 //!
@@ -89,7 +89,7 @@ impl TileStore {
     /// As [`Self::write`], for the points of a cloud, as a stage of `progress`.
     ///
     /// # Errors
-    /// As there, and as [`CloudSource::stream`].
+    /// As [`Self::write`] and [`CloudSource::stream`].
     pub fn of(
         cloud: &CloudSource,
         folder: &Path,
@@ -162,8 +162,8 @@ impl TileStore {
     /// # Errors
     /// A file that cannot be read.
     pub fn within(&self, rectangle: &Rectangle) -> Result<TilePoints> {
-        let found = self.at_most(rectangle, usize::MAX)?;
-        Ok(found.unwrap_or_default())
+        let points = self.at_most(rectangle, usize::MAX)?;
+        Ok(points.unwrap_or_default())
     }
 
     /// All points in a rectangle; `None` if there are more than `most`.
@@ -171,7 +171,7 @@ impl TileStore {
     /// # Errors
     /// A file that cannot be read.
     pub fn at_most(&self, rectangle: &Rectangle, most: usize) -> Result<Option<TilePoints>> {
-        let mut found: Vec<(u64, Vec3)> = Vec::new();
+        let mut numbered: Vec<(u64, Vec3)> = Vec::new();
         let mut files = 0;
         for (tile, other) in self.tiles.rectangles().iter().enumerate() {
             if self.counts[tile] == 0 || !other.intersects(rectangle) {
@@ -180,19 +180,19 @@ impl TileStore {
             files += 1;
             read_records::<RECORD>(&self.path(tile), |record| {
                 let point = point_of(&record[8..]);
-                if rectangle.contains(&point) && found.len() <= most {
-                    found.push((number(record), point));
+                if rectangle.contains(&point) && numbered.len() <= most {
+                    numbered.push((number(record), point));
                 }
                 Ok(())
             })?;
-            if found.len() > most {
+            if numbered.len() > most {
                 return Ok(None);
             }
         }
         if files > 1 {
-            found.par_sort_unstable_by_key(|(index, _)| *index);
+            numbered.par_sort_unstable_by_key(|(index, _)| *index);
         }
-        let (indices, points) = found.into_iter().unzip();
+        let (indices, points) = numbered.into_iter().unzip();
         Ok(Some(TilePoints { indices, points }))
     }
 }
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn rectangles_hold_what_a_search_through_all_finds() {
+    fn rectangles_return_the_points_that_an_exhaustive_search_finds() {
         let folder = tempfile::tempdir().unwrap();
         let points = cloud(5000);
         for most in [60, 700, 5000, 100_000] {
@@ -259,8 +259,8 @@ mod tests {
                 assert!(store.at_most(&rectangle, n).unwrap().is_some());
                 assert!(n == 0 || store.at_most(&rectangle, n - 1).unwrap().is_none());
             }
-            let own: u64 = (0..tiles.len()).map(|tile| store.count(tile)).sum();
-            assert_eq!(own, 5000);
+            let total: u64 = (0..tiles.len()).map(|tile| store.count(tile)).sum();
+            assert_eq!(total, 5000);
             let (low, high) = store.extent();
             assert!(
                 points
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_fails_leaves_nothing() {
+    fn a_stream_that_fails_leaves_no_files() {
         let folder = tempfile::tempdir().unwrap();
         let place = folder.path().join("tiles");
         let error = TileStore::write(&place, 10, &mut |each| {

@@ -1,9 +1,9 @@
-//! The surroundings of every point of a cloud on disk, tile by tile, with the same results as in
-//! one piece.
+//! The neighbourhood of every point of a cloud on disk, computed tile by tile, with the same results
+//! as for a cloud in memory.
 //!
-//! Each tile is processed with a halo. The k nearest of a point are correct if the farthest of them
-//! is nearer than the border of the loaded region. Points that fail this test are repeated with a
-//! wider halo, and those that still fail (outliers, whose neighbours are far away) are deferred:
+//! Each tile is processed with a halo. The k nearest neighbours of a point are correct if the farthest
+//! of them is nearer than the border of the loaded region. Points that fail this test are repeated with
+//! a wider halo, and those that still fail (outliers, whose neighbours are far away) are deferred:
 //! for them the tiles are visited in order, and the k nearest from each relevant tile are merged
 //! into those found so far, ties ordered by index in the cloud.
 
@@ -21,7 +21,7 @@ const SLACK: f64 = 1e-9;
 const FIRST_HALO: f64 = 3.0;
 /// Ratio of the next halo to the last.
 const WIDER: f64 = 4.0;
-/// Number of attempts before points are deferred.
+/// Number of halos tried before points are deferred.
 const TRIES: usize = 3;
 /// If at most this many points are left, they are deferred without another attempt: loading a wider
 /// halo would cost more.
@@ -49,7 +49,7 @@ pub struct TilingSummary {
     pub deferred: u64,
 }
 
-/// Calls `each` with the surroundings of every point of the store, and `take` with the index of the
+/// Calls `each` with the neighbourhood of every point of the store, and `take` with the index of the
 /// point in the cloud and the result of `each`, in arbitrary order. The results do not depend on
 /// the tiles. Memory grows with `most_points`, which should be that of the store, and, for a given
 /// radius, with the number of points in a tile widened by the radius.
@@ -60,7 +60,7 @@ pub struct TilingSummary {
 /// A file of the store that cannot be read; errors of `take`.
 pub fn surroundings<T: Send + Sync + Clone>(
     store: &TileStore,
-    of: Neighbourhood,
+    neighbourhood: Neighbourhood,
     most_points: usize,
     progress: &dyn Progress,
     each: impl Fn(&Surroundings) -> T + Sync,
@@ -68,48 +68,56 @@ pub fn surroundings<T: Send + Sync + Clone>(
 ) -> Result<TilingSummary> {
     let mut deferred = Vec::new();
     let mut deferred_count = 0;
-    let batch = match of {
+    let batch = match neighbourhood {
         Neighbourhood::Nearest(k) => (MOST_DEFERRED * most_points / k.max(1)).max(1),
         Neighbourhood::Within(_) => usize::MAX,
     };
     for tile in 0..store.tiles().rectangles().len() {
-        let left = process_tile(store, tile, of, most_points, progress, &each, &mut take)?;
+        let left = process_tile(
+            store,
+            tile,
+            neighbourhood,
+            most_points,
+            progress,
+            &each,
+            &mut take,
+        )?;
         deferred_count += left.len() as u64;
         deferred.extend(left);
         while deferred.len() >= batch {
             let rest = deferred.split_off(batch);
-            process_deferred(store, &deferred, of, &each, &mut take)?;
+            process_deferred(store, &deferred, neighbourhood, &each, &mut take)?;
             deferred = rest;
         }
     }
-    process_deferred(store, &deferred, of, &each, &mut take)?;
+    process_deferred(store, &deferred, neighbourhood, &each, &mut take)?;
     Ok(TilingSummary {
         tiles: store.tiles().rectangles().len(),
         deferred: deferred_count,
     })
 }
 
-/// Processes the points of a tile, and returns those that failed.
+/// Processes the points of a tile, and returns those whose neighbours may lie outside the loaded region.
 fn process_tile<T: Send + Sync + Clone>(
     store: &TileStore,
     tile: usize,
-    of: Neighbourhood,
+    neighbourhood: Neighbourhood,
     most_points: usize,
     progress: &dyn Progress,
     each: &(impl Fn(&Surroundings) -> T + Sync),
     take: &mut impl FnMut(u64, T) -> Result<()>,
 ) -> Result<Vec<Pending>> {
-    let own = store.count(tile) as usize;
+    let tile_points = store.count(tile) as usize;
     let rectangle = store.tiles().rectangles()[tile];
     let (low, high) = store.extent();
-    let is_radius = matches!(of, Neighbourhood::Within(_));
+    let is_radius = matches!(neighbourhood, Neighbourhood::Within(_));
     let most_loaded = if is_radius {
         usize::MAX
     } else {
-        MOST_LOADED * most_points.max(own)
+        MOST_LOADED * most_points.max(tile_points)
     };
     let mut pending: Option<Vec<Pending>> = None;
-    let mut halo_m = first_halo_m(store, tile, of);
+    let mut halo_m = first_halo_m(store, tile, neighbourhood);
     for attempt in 0.. {
         let region = rectangle.widened(halo_m).open_beyond(&low, &high);
         let Some(loaded) = store.at_most(&region, most_loaded)? else {
@@ -133,11 +141,14 @@ fn process_tile<T: Send + Sync + Clone>(
         });
         let queries: Vec<Vec3> = wanted.iter().map(|pending| pending.point).collect();
         let reported: &dyn Progress = if is_first { progress } else { &Silent };
-        let found =
-            index(&loaded.points, store)
-                .surroundings(&queries, of, reported, |_, near| (each(near), near.reach_m))?;
+        let results = index(&loaded.points, store).surroundings(
+            &queries,
+            neighbourhood,
+            reported,
+            |_, near| (each(near), near.reach_m),
+        )?;
         let mut left = Vec::new();
-        for (pending, (value, reach_m)) in wanted.into_iter().zip(found) {
+        for (pending, (value, reach_m)) in wanted.into_iter().zip(results) {
             let depth_m = region.depth_m(&pending.point);
             if depth_m == f64::INFINITY || reach_m < depth_m * (1.0 - SLACK) {
                 take(pending.index, value)?;
@@ -159,12 +170,12 @@ fn process_tile<T: Send + Sync + Clone>(
 }
 
 /// The initial halo.
-fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
+fn first_halo_m(store: &TileStore, tile: usize, neighbourhood: Neighbourhood) -> f64 {
     let (low, high) = store.extent();
     let rectangle = store.tiles().rectangles()[tile];
-    match of {
+    match neighbourhood {
         Neighbourhood::Within(radius) => {
-            // Rounding when the sides are moved must not lose a neighbour.
+            // Moving the sides rounds them, which must not lose a neighbour.
             radius * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax())
         }
         Neighbourhood::Nearest(k) => {
@@ -183,11 +194,11 @@ fn first_halo_m(store: &TileStore, tile: usize, of: Neighbourhood) -> f64 {
 fn process_deferred<T: Send + Sync + Clone>(
     store: &TileStore,
     deferred: &[Pending],
-    of: Neighbourhood,
+    neighbourhood: Neighbourhood,
     each: &(impl Fn(&Surroundings) -> T + Sync),
     take: &mut impl FnMut(u64, T) -> Result<()>,
 ) -> Result<()> {
-    let Neighbourhood::Nearest(k) = of else {
+    let Neighbourhood::Nearest(k) = neighbourhood else {
         return Ok(());
     };
     // Squared distance, index in the cloud, point; nearest first.
@@ -223,9 +234,10 @@ fn process_deferred<T: Send + Sync + Clone>(
         near.sort_unstable_by_key(|(_, index, _)| *index);
         let points: Vec<Vec3> = near.iter().map(|(_, _, point)| *point).collect();
         let query = [pending.point];
-        let found =
-            index(&points, store).surroundings(&query, of, &Silent, |_, near| each(near))?;
-        for value in found {
+        let results =
+            index(&points, store)
+                .surroundings(&query, neighbourhood, &Silent, |_, near| each(near))?;
+        for value in results {
             take(pending.index, value)?;
         }
     }

@@ -1,4 +1,4 @@
-//! Times of arrival, and the state of the system's clock.
+//! Times of arrival, and the state of the system clock.
 
 use std::process::{Command, Stdio};
 use std::sync::Arc;
@@ -8,9 +8,9 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A time of arrival.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stamp {
-    /// Since the recording began, by a clock that nobody sets, nanoseconds.
+    /// Time since the recording began by the monotonic clock, nanoseconds.
     pub monotonic_ns: u64,
-    /// Since 1970, UTC as the system has it, nanoseconds.
+    /// Time since 1970 by the system clock (UTC), nanoseconds.
     pub unix_ns: i64,
 }
 
@@ -20,7 +20,7 @@ impl Stamp {
         1e-9 * self.monotonic_ns as f64
     }
 
-    /// Seconds since 1970 by the system's clock.
+    /// Seconds since 1970 by the system clock.
     pub fn unix_s(&self) -> f64 {
         1e-9 * self.unix_ns as f64
     }
@@ -30,14 +30,14 @@ impl Stamp {
 #[derive(Debug, Clone)]
 pub struct Clock {
     begun: Instant,
-    /// UTC when it began, nanoseconds.
+    /// UTC at the beginning of the recording, nanoseconds.
     begun_unix_ns: i64,
-    /// Its seconds in one of ours: more than one where a recording is played faster.
+    /// Seconds of the recording per second of real time: 1, or the speed at which a recording is played.
     speed: f64,
-    /// Whether UTC is the system's; else it is that of a recording that is played.
+    /// Whether UTC is that of the system; otherwise it is that of a recording being played.
     is_systems: bool,
-    /// Added to UTC: tests set the clock with it.
-    set_by_ns: Arc<AtomicI64>,
+    /// Added to UTC, so that tests can step the clock.
+    step_ns: Arc<AtomicI64>,
 }
 
 impl Default for Clock {
@@ -47,7 +47,7 @@ impl Default for Clock {
             begun_unix_ns: system_ns(),
             speed: 1.0,
             is_systems: true,
-            set_by_ns: Arc::default(),
+            step_ns: Arc::default(),
         }
     }
 }
@@ -61,7 +61,7 @@ fn system_ns() -> i64 {
 }
 
 impl Clock {
-    /// The clocks of a recording that is played from this UTC on, so many times faster than it was made.
+    /// The clocks of a recording that is played from a given UTC at `speed` times real time.
     pub fn played(begins_unix_s: f64, speed: f64) -> Self {
         Self {
             begun_unix_ns: (1e9 * begins_unix_s) as i64,
@@ -71,7 +71,7 @@ impl Clock {
         }
     }
 
-    /// Its seconds in one of ours.
+    /// Seconds of the recording per second of real time.
     pub fn speed(&self) -> f64 {
         self.speed
     }
@@ -90,16 +90,17 @@ impl Clock {
         };
         Stamp {
             monotonic_ns,
-            unix_ns: unix_ns + self.set_by_ns.load(Ordering::Relaxed),
+            unix_ns: unix_ns + self.step_ns.load(Ordering::Relaxed),
         }
     }
 
-    /// The common time of the recording, seconds: UTC when it began, and evenly on from there, whatever is done to UTC.
+    /// The common time of the recording, seconds: UTC at its beginning, continued by the monotonic clock, so that steps
+    /// of the system clock do not affect it.
     pub fn common_s(&self, stamp: &Stamp) -> f64 {
         1e-9 * self.begun_unix_ns as f64 + stamp.monotonic_s()
     }
 
-    /// What is known of the system's clock.
+    /// The state of the system clock; `None` where chrony does not answer.
     pub fn state(&self) -> Option<ClockState> {
         if self.is_systems {
             ClockState::ask()
@@ -113,48 +114,48 @@ impl Clock {
         }
     }
 
-    /// Sets UTC forward by so many nanoseconds, as somebody could set the system's clock.
-    pub fn set_by(&self, nanoseconds: i64) {
-        self.set_by_ns.fetch_add(nanoseconds, Ordering::Relaxed);
+    /// Steps UTC forward, as if somebody set the system clock.
+    pub fn step_by(&self, nanoseconds: i64) {
+        self.step_ns.fetch_add(nanoseconds, Ordering::Relaxed);
     }
 }
 
-/// UTC that moves against the monotonic clock by more than this between two looks was set, seconds: a disciplined
-/// clock is slewed by less than a millisecond a second.
+/// If UTC moves against the monotonic clock by more than this between two checks, it was stepped, seconds: a
+/// disciplined clock is slewed by less than a millisecond per second.
 const STEP_S: f64 = 0.005;
 
-/// Watches whether UTC is set.
+/// Detects steps of UTC.
 #[derive(Debug, Default)]
 pub struct StepWatch {
     last: Option<Stamp>,
 }
 
 impl StepWatch {
-    /// By how much UTC was set since the last look, seconds; `None` where it was not.
-    pub fn look(&mut self, now: Stamp) -> Option<f64> {
+    /// The step of UTC since the last check, seconds; `None` if there was none.
+    pub fn check(&mut self, now: Stamp) -> Option<f64> {
         let last = self.last.replace(now)?;
         let by_utc_s = 1e-9 * (now.unix_ns - last.unix_ns) as f64;
         let passed_s = 1e-9 * (now.monotonic_ns - last.monotonic_ns) as f64;
-        let set_s = by_utc_s - passed_s;
-        (set_s.abs() > STEP_S.max(1e-3 * passed_s)).then_some(set_s)
+        let step_s = by_utc_s - passed_s;
+        (step_s.abs() > STEP_S.max(1e-3 * passed_s)).then_some(step_s)
     }
 }
 
-/// The state of the system's clock, as chrony knows it.
+/// The state of the system clock as reported by chrony.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockState {
-    /// What it follows, such as `PPS`.
+    /// Name of its reference, such as `PPS`.
     pub reference: String,
-    /// Off what it follows, seconds; positive where it is fast.
+    /// Offset from the reference, seconds; positive if the clock is fast.
     pub offset_s: f64,
-    /// Root mean square of its offsets, seconds.
+    /// Root mean square of the offsets, seconds.
     pub rms_s: f64,
-    /// Whether it follows anything.
+    /// Whether the clock is synchronised to a reference.
     pub is_locked: bool,
 }
 
 impl ClockState {
-    /// Asks chrony; `None` where there is none.
+    /// Asks chrony; `None` if it does not answer.
     pub fn ask() -> Option<Self> {
         let mut child = Command::new("chronyc")
             .args(["-c", "tracking"])
@@ -164,9 +165,9 @@ impl ClockState {
             .spawn()
             .ok()?;
         // It answers at once, or not at all.
-        let patience = Instant::now() + Duration::from_millis(500);
+        let deadline = Instant::now() + Duration::from_millis(500);
         while child.try_wait().ok()?.is_none() {
-            if Instant::now() > patience {
+            if Instant::now() > deadline {
                 let _ = child.kill();
                 let _ = child.wait();
                 return None;
@@ -186,7 +187,7 @@ impl ClockState {
         let reference = if name.is_empty() { id } else { name };
         Some(Self {
             reference: (*reference).to_owned(),
-            // chrony says how far the clock is slow.
+            // chrony reports how far the clock is slow.
             offset_s: -offset.parse::<f64>().ok()?,
             rms_s: rms.parse().ok()?,
             is_locked: *leap != "Not synchronised",
@@ -199,27 +200,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_that_is_set_is_seen_and_one_that_is_slewed_is_not() {
+    fn a_step_of_the_clock_is_detected_and_slewing_is_not() {
         let at = |seconds: f64, offset_s: f64| Stamp {
             monotonic_ns: (1e9 * seconds) as u64,
             unix_ns: (1e9 * (1.7e9 + seconds + offset_s)) as i64,
         };
         let mut watch = StepWatch::default();
-        assert_eq!(watch.look(at(0.0, 0.0)), None);
-        assert_eq!(watch.look(at(1.0, 0.0005)), None);
-        let set_s = watch.look(at(2.0, 0.5005)).unwrap();
-        assert!((set_s - 0.5).abs() < 1e-6, "{set_s}");
-        assert_eq!(watch.look(at(3.0, 0.5005)), None);
-        assert!(watch.look(at(4.0, 0.0)).unwrap() < -0.4);
+        assert_eq!(watch.check(at(0.0, 0.0)), None);
+        assert_eq!(watch.check(at(1.0, 0.0005)), None);
+        let step_s = watch.check(at(2.0, 0.5005)).unwrap();
+        assert!((step_s - 0.5).abs() < 1e-6, "{step_s}");
+        assert_eq!(watch.check(at(3.0, 0.5005)), None);
+        assert!(watch.check(at(4.0, 0.0)).unwrap() < -0.4);
     }
 
     #[test]
     fn answers_of_chrony_are_read() {
         let line = "50505300,PPS,1,1763900000.123456789,0.000000012,-0.000000003,0.000000210,\
                     -12.345,0.001,0.004,0.000000001,0.000012000,16.0,Normal\n";
-        let found = ClockState::parse(line).unwrap();
-        assert_eq!((found.reference.as_str(), found.is_locked), ("PPS", true));
-        assert_eq!((found.offset_s, found.rms_s), (-1.2e-8, 2.1e-7));
+        let state = ClockState::parse(line).unwrap();
+        assert_eq!((state.reference.as_str(), state.is_locked), ("PPS", true));
+        assert_eq!((state.offset_s, state.rms_s), (-1.2e-8, 2.1e-7));
         let line = "00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised";
         assert!(!ClockState::parse(line).unwrap().is_locked);
         assert_eq!(ClockState::parse("506 Cannot talk to daemon"), None);

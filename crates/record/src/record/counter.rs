@@ -1,19 +1,19 @@
-//! Counts what arrives, for the view.
+//! Counts the records that arrive, for the view.
 
 use super::field::Kind;
 use crate::format::ArrivingSbg;
 use crate::format::gocator_stream::{Message, Piece, Splitter};
 
-/// Longest line: one without an end is cut there.
+/// Longest line, bytes; a longer one is cut there.
 pub(super) const LONGEST_LINE: usize = 4096;
 
-/// Counts records, and bytes that belong to none.
+/// Counts records, and bytes that belong to no record.
 pub(super) enum Counter {
-    /// Lines; how long the present one is.
+    /// Lines, with the length of the incomplete one.
     Lines(usize),
-    /// Frames of sbgECom.
+    /// sbgECom frames.
     Sbg(ArrivingSbg),
-    /// Frames of a Gocator.
+    /// Gocator frames.
     Gocator(Box<Splitter>),
 }
 
@@ -26,14 +26,14 @@ impl Counter {
         }
     }
 
-    /// The link was opened again: a line that had begun does not go on.
+    /// After the link was reopened: an incomplete line is not continued.
     pub(super) fn reopened(&mut self) {
         if let Self::Lines(length) = self {
             *length = 0;
         }
     }
 
-    /// What the sensor says of itself, if it does.
+    /// The state that the sensor reports; empty if it reports none.
     pub(super) fn word(&self) -> String {
         match self {
             Self::Sbg(arriving) => arriving.word(),
@@ -41,7 +41,7 @@ impl Counter {
         }
     }
 
-    /// Records that these bytes complete, and bytes that turned out to belong to none.
+    /// Number of records that these bytes complete, and of bytes that belong to no record.
     pub(super) fn take(&mut self, bytes: &[u8]) -> (u64, u64) {
         match self {
             Self::Lines(length) => {
@@ -69,7 +69,7 @@ impl Counter {
     }
 }
 
-/// Frames of which a message has the stamps.
+/// Number of frames whose stamps are in a message.
 fn stamps_in(message: &[u8]) -> u64 {
     match Message::parse(message) {
         Some((Message::Stamps(stamps), _)) => stamps.iter().count() as u64,

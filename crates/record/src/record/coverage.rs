@@ -1,4 +1,4 @@
-//! Which boards were seen from which sides.
+//! On which courses each scanner crossed the boards.
 
 use crate::geometry::heading::heading_rad;
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
@@ -6,12 +6,12 @@ use crate::project::Project;
 
 use super::field::Board;
 
-/// A scanner sees no farther, metres.
+/// Range of a scanner, metres.
 const REACH_M: f64 = 3.0;
 /// Names of the directions in which the platform drives past.
 const COURSES: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 
-/// How a board was seen by a scanner.
+/// The courses on which the scanners crossed a board.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// The board.
@@ -24,7 +24,7 @@ pub struct Seen {
 pub(super) struct Coverage {
     boards: Vec<Board>,
     scanners: Vec<(String, BodyFromScanner)>,
-    /// Of each board and scanner, by course.
+    /// For each board, scanner and course: whether the fan crossed the board.
     crossed: Vec<Vec<[bool; 8]>>,
 }
 
@@ -41,8 +41,8 @@ impl Coverage {
         }
     }
 
-    /// Takes in a pose in the project's world: a fan, the plane of x and z of its scanner, crosses a board that it is
-    /// nearer to than half the board's size.
+    /// Adds a pose in the project's world: a fan, which is the x-z plane of its scanner, crosses a board if it passes
+    /// the board's centre by no more than half the board's size.
     pub(super) fn add(&mut self, world_from_body: &WorldFromBody) {
         let turns: f64 = heading_rad(&world_from_body.rotation) / std::f64::consts::TAU;
         let course = f64::rem_euclid((8.0 * turns).round(), 8.0) as usize % 8;
@@ -79,7 +79,7 @@ mod tests {
     use crate::geometry::{BodyAxes, Rotation};
 
     #[test]
-    fn a_board_is_seen_on_the_courses_on_which_the_fan_crosses_it() {
+    fn a_board_is_covered_on_the_courses_on_which_the_fan_crosses_it() {
         let board = Board {
             name: "a".into(),
             position_m: Vec3::new(10.0, 20.0, 0.0),
@@ -105,7 +105,7 @@ mod tests {
             }
             coverage.seen()[0].by[0].1.clone()
         };
-        // Too early: the fan ends 1.5 m before it.
+        // The drive ends early: the fan stops 1.5 m before the board.
         assert!(drive(0.0, -5.0, -2.0).is_empty());
         assert_eq!(drive(0.0, -2.0, 2.0), ["N"]);
         assert_eq!(drive(std::f64::consts::FRAC_PI_2, -2.0, 2.0), ["N", "E"]);

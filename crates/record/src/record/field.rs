@@ -10,32 +10,32 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::project::{Source as Text, Step};
 
-/// Bits a second of a serial port, unless said otherwise.
+/// Default rate of a serial port, bits per second.
 const BAUD: u32 = 115_200;
-/// Sides of a board, unless said otherwise, metres.
+/// Default length of the sides of a board, metres.
 const BOARD_M: f64 = 0.5;
 
-/// What is recorded.
+/// A checked `field.toml`.
 #[derive(Debug, Clone)]
 pub struct Field {
     /// The file, absolute.
     pub path: PathBuf,
-    /// Folder in which recordings begin folders of their own.
+    /// Folder in which each recording gets a new folder.
     pub folder: PathBuf,
-    /// One a sensor; names are unique.
+    /// The sensors; names are unique.
     pub sources: Vec<Source>,
-    /// Boards of which the view says from where they were seen.
+    /// Boards for which the view shows the courses on which they were crossed.
     pub boards: Vec<Board>,
-    /// The tables of the project that is made for a recording.
+    /// The tables of the project that is written into a recording.
     pub project: toml::Table,
 }
 
 /// A board in the field.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Board {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// Its middle in the project's world: east, north, up, metres.
+    /// Its centre in the project's world: east, north, up, metres.
     pub position_m: Vec3,
     /// Length of its sides, metres.
     pub size_m: f64,
@@ -44,15 +44,15 @@ pub struct Board {
 /// A sensor.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// Letters, digits, `-` and `_`, as it becomes a part of file names.
+    /// Letters, digits, `-` and `_`, because it becomes part of file names.
     pub name: String,
-    /// Where it is.
+    /// Its port or address.
     pub place: Place,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
 }
 
-/// What a sensor is.
+/// The kind of a sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Kind {
     /// A Leica total station.
@@ -61,14 +61,14 @@ pub enum Kind {
     Sbg,
     /// A receiver that sends NMEA sentences.
     Nmea,
-    /// A Gocator profile scanner, by its data channel.
+    /// A Gocator profile scanner on its data channel.
     Gocator,
-    /// Lines of a table with this header; where it names no time, each line gets that of its arrival.
+    /// Lines of a table with this header; if it names no time, each line gets the time of its arrival.
     Lines(String),
 }
 
 impl Kind {
-    /// Whether its lines get the time of their arrival.
+    /// Whether its lines get the time of their arrival as a column.
     pub fn is_timed_here(&self) -> bool {
         match self {
             Self::Lines(header) => !header.to_lowercase().contains("time"),
@@ -76,7 +76,7 @@ impl Kind {
         }
     }
 
-    /// End of the name of its file.
+    /// Extension of its file.
     pub fn extension(&self) -> &'static str {
         match self {
             Self::Geocom(_) | Self::Lines(_) => "csv",
@@ -145,7 +145,7 @@ impl Field {
     /// Reads and checks a `field.toml`.
     ///
     /// # Errors
-    /// Names line, finding and expectation.
+    /// The first mistake, with its line, what was found and what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text = Text::read(path)?;
         let written: WrittenField = text.parsed()?;
@@ -160,7 +160,7 @@ impl Field {
             };
             let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
             if source.name.is_empty() || !source.name.chars().all(is_plain) {
-                let expected = "letters, digits, - and _, as it becomes a part of file names";
+                let expected = "letters, digits, - and _, because it becomes part of file names";
                 return refused("name", format!("the name {:?}", source.name), expected);
             }
             if sources.iter().any(|other| other.name == source.name) {
@@ -171,20 +171,24 @@ impl Field {
                 (Some(port), None) => Place::Serial(port.clone(), source.baud.unwrap_or(BAUD)),
                 (None, Some(address)) => place_of(address),
                 _ => {
-                    let expected = "either `port`, such as \"/dev/ttyUSB0\", or `address`, such as \
+                    let expected = "`port`, such as \"/dev/ttyUSB0\", or `address`, such as \
                                     \"192.168.1.10:1212\" or \"udp://0.0.0.0:5000\"";
-                    return refused("name", "no place, or two".into(), expected);
+                    let found = match source.port {
+                        Some(_) => "both `port` and `address`",
+                        None => "neither `port` nor `address`",
+                    };
+                    return refused("name", found.into(), expected);
                 }
             };
             if source.baud.is_some() && source.port.is_none() {
                 return refused(
                     "baud",
                     "`baud` without `port`".into(),
-                    "it with a serial port only",
+                    "`baud` only for a serial port",
                 );
             }
             let is_station = source.kind == WrittenKind::Geocom;
-            let of_station = [
+            let station_keys = [
                 ("edm_mode", source.edm_mode.is_some()),
                 ("program", source.program.is_some()),
                 ("prism_type", source.prism_type.is_some()),
@@ -192,11 +196,15 @@ impl Field {
                 ("power_search", source.power_search.is_some()),
                 ("checksum", source.checksum.is_some()),
             ];
-            if let Some((key, _)) = of_station
+            if let Some((key, _)) = station_keys
                 .iter()
                 .find(|(_, is_there)| *is_there && !is_station)
             {
-                return refused(key, format!("`{key}`"), "it with kind = \"geocom\" only");
+                return refused(
+                    key,
+                    format!("`{key}`"),
+                    "this key only with kind = \"geocom\"",
+                );
             }
             if is_station && matches!(place, Place::Udp(_)) {
                 return refused(
@@ -213,24 +221,28 @@ impl Field {
                     return refused("kind", "lines without a header".into(), expected);
                 }
                 (_, Some(_)) => {
-                    return refused("header", "`header`".into(), "it with kind = \"lines\" only");
+                    return refused(
+                        "header",
+                        "`header`".into(),
+                        "this key only with kind = \"lines\"",
+                    );
                 }
                 (WrittenKind::Sbg, None) => Kind::Sbg,
                 (WrittenKind::Nmea, None) => Kind::Nmea,
                 (WrittenKind::Gocator, None) => Kind::Gocator,
                 (WrittenKind::Geocom, None) => {
-                    let own = TrackingSettings::default();
+                    let default = TrackingSettings::default();
                     Kind::Geocom(Box::new(TrackingSettings {
                         // A program sets the mode.
                         edm_mode: source
                             .edm_mode
-                            .or(own.edm_mode.filter(|_| source.program.is_none())),
+                            .or(default.edm_mode.filter(|_| source.program.is_none())),
                         program: source.program,
                         prism_type: source.prism_type,
-                        lock: source.lock.unwrap_or(own.lock),
-                        power_search: source.power_search.unwrap_or(own.power_search),
-                        checksum: source.checksum.unwrap_or(own.checksum),
-                        ..own
+                        lock: source.lock.unwrap_or(default.lock),
+                        power_search: source.power_search.unwrap_or(default.power_search),
+                        checksum: source.checksum.unwrap_or(default.checksum),
+                        ..default
                     }))
                 }
             };
@@ -249,11 +261,11 @@ impl Field {
         })
     }
 
-    /// The project of a recording: the tables of `[project]` with `source = "NAME"` replaced by the file of that
-    /// source.
+    /// The project of a recording: the tables of `[project]`, in which the file of the source replaces
+    /// `source = "NAME"`.
     ///
     /// # Errors
-    /// A source that is not there.
+    /// The name of a source that does not exist.
     pub fn project_text(&self) -> Result<String> {
         let text = Text::read(&self.path)?;
         let mut tables = self.project.clone();
@@ -266,24 +278,24 @@ impl Field {
                 _ => Vec::new(),
             };
             for table in all {
-                let Some(source) = table.remove("source") else {
+                let Some(wanted) = table.remove("source") else {
                     continue;
                 };
-                let found = self
+                let source = self
                     .sources
                     .iter()
-                    .find(|own| source.as_str() == Some(&own.name));
-                let Some(found) = found else {
+                    .find(|source| wanted.as_str() == Some(&source.name));
+                let Some(source) = source else {
                     let steps = [Step::Key("project"), Step::Key(name), Step::Key("source")];
                     let expected = "the name of a [[source]]";
-                    return Err(text.error(&steps, format!("the source {source}"), expected));
+                    return Err(text.error(&steps, format!("the source {wanted}"), expected));
                 };
                 let key = if name == "scanner" {
                     "profiles"
                 } else {
                     "file"
                 };
-                table.insert(key.into(), found.file().into());
+                table.insert(key.into(), source.file().into());
             }
         }
         toml::to_string(&tables).map_err(|error| text.error(&[], error.to_string(), "a project"))

@@ -1,4 +1,4 @@
-//! Files of a recording: they only grow, and what is older than a second or two is on the disk.
+//! Files of a recording: they only grow, and all data older than a second or two are on the disk.
 
 use std::fs::File;
 use std::io::Write;
@@ -10,15 +10,14 @@ use std::time::{Duration, Instant};
 use super::clock::Stamp;
 use crate::error::{Error, Result};
 
-/// Longest time before what arrived is handed to the system, so that a kill loses no more.
+/// Longest time for which data stay in the program before they are written: a kill loses no more than that.
 const WRITE: Duration = Duration::from_millis(200);
-/// Bytes that are handed to it before that.
+/// Bytes that are written at once, even before that time.
 const PENDING: usize = 1 << 16;
-/// Time between two syncs, so that a power cut loses no more.
+/// Time between two syncs: a power cut loses no more than that.
 const SYNC: Duration = Duration::from_secs(1);
 
-/// The disk, on which files are brought by a thread of its own: a disk that is busy for a while must not keep a sensor
-/// waiting.
+/// Syncs files to the disk on a separate thread: a disk that is busy for a while must not keep a sensor waiting.
 #[derive(Debug, Default)]
 pub struct Disk {
     files: Mutex<Vec<(PathBuf, Arc<File>)>>,
@@ -26,7 +25,7 @@ pub struct Disk {
 }
 
 impl Disk {
-    /// Brings all files to the disk once a second until `stop`.
+    /// Syncs all files once a second until `stop` is set.
     pub fn sync_until(&self, stop: &AtomicBool) {
         let mut last = Instant::now();
         while !stop.load(Ordering::Relaxed) {
@@ -45,12 +44,12 @@ impl Disk {
         }
     }
 
-    /// The first file that could not be brought to the disk.
+    /// Returns the first failure to sync a file.
     fn check(&self) -> Result<()> {
         match locked(&self.failed).clone() {
             Some(problem) => Err(Error::data(
                 problem,
-                "look at the disk: the recording has ended",
+                "check the disk: the recording has ended",
             )),
             None => Ok(()),
         }
@@ -61,7 +60,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A file that grows by whole records: what is appended at once is written at once.
+/// A file that grows by whole records: bytes appended in one call are written in one call.
 #[derive(Debug)]
 pub struct Journal<'a> {
     disk: &'a Disk,
@@ -73,10 +72,10 @@ pub struct Journal<'a> {
 }
 
 impl<'a> Journal<'a> {
-    /// Begins a file that is not there yet.
+    /// Creates a new file.
     ///
     /// # Errors
-    /// It is there, or cannot be written.
+    /// A file that exists already or cannot be written.
     pub fn create(path: &Path, disk: &'a Disk) -> Result<Self> {
         let file = File::create_new(path).map_err(|error| Error::io(path, error))?;
         let file = Arc::new(file);
@@ -94,13 +93,13 @@ impl<'a> Journal<'a> {
     /// Appends bytes.
     ///
     /// # Errors
-    /// The file cannot be written, or some file of the recording cannot be brought to the disk.
+    /// The file cannot be written, or some file of the recording could not be synced.
     pub fn append(&mut self, bytes: &[u8]) -> Result<()> {
         self.add(bytes);
         self.write_if_due()
     }
 
-    /// Hands to the system what was appended, if that is due; to be called also where nothing arrives.
+    /// Writes pending bytes if that is due; must also be called regularly while nothing arrives.
     ///
     /// # Errors
     /// See [`Self::append`].
@@ -121,7 +120,7 @@ impl<'a> Journal<'a> {
         self.pending.len() >= PENDING || self.written.elapsed() >= WRITE
     }
 
-    /// Brings to the disk what was appended.
+    /// Writes pending bytes, and syncs the file.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -138,57 +137,57 @@ impl<'a> Journal<'a> {
         written.map_err(|error| Error::io(&self.path, error))
     }
 
-    /// Its length, bytes.
+    /// Length of the file with pending bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 }
 
-/// What a sensor sent, byte by byte, and beside it when it arrived.
+/// The bytes that a sensor sent, and a second file with their times of arrival.
 #[derive(Debug)]
 pub struct StampedJournal<'a> {
-    sent: Journal<'a>,
+    data: Journal<'a>,
     stamps: Journal<'a>,
 }
 
 impl<'a> StampedJournal<'a> {
-    /// Begins `name.extension` and `name.stamps.csv` in a folder.
+    /// Creates `name.extension` and `name.stamps.csv` in a folder.
     ///
     /// # Errors
-    /// One of them is there, or cannot be written.
+    /// One of them exists already or cannot be written.
     pub fn create(folder: &Path, name: &str, extension: &str, disk: &'a Disk) -> Result<Self> {
         let mut stamps = Journal::create(&folder.join(format!("{name}.stamps.csv")), disk)?;
         stamps.append(b"bytes_before,monotonic_s,unix_s\n")?;
         Ok(Self {
-            sent: Journal::create(&folder.join(format!("{name}.{extension}")), disk)?,
+            data: Journal::create(&folder.join(format!("{name}.{extension}")), disk)?,
             stamps,
         })
     }
 
-    /// Appends what arrived.
+    /// Appends bytes that arrived.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn append(&mut self, bytes: &[u8], at: Stamp) -> Result<()> {
-        let (before, monotonic_s, unix_s) = (self.sent.bytes(), at.monotonic_s(), at.unix_s());
+        let (before, monotonic_s, unix_s) = (self.data.bytes(), at.monotonic_s(), at.unix_s());
         let row = format!("{before},{monotonic_s:.6},{unix_s:.6}\n");
         self.stamps.add(row.as_bytes());
-        self.sent.add(bytes);
+        self.data.add(bytes);
         self.write_if_due()
     }
 
-    /// See [`Journal::write_if_due`]. Times of arrival are written before the bytes that they belong to, so that a kill
-    /// leaves no bytes without one.
+    /// See [`Journal::write_if_due`]. Times of arrival are written before their bytes, so that a kill leaves no bytes
+    /// without a time.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write_if_due(&mut self) -> Result<()> {
-        if !(self.stamps.is_due() || self.sent.is_due()) {
+        if !(self.stamps.is_due() || self.data.is_due()) {
             return Ok(());
         }
-        self.sent.disk.check()?;
+        self.data.disk.check()?;
         self.stamps.write()?;
-        self.sent.write()
+        self.data.write()
     }
 
     /// See [`Journal::flush`].
@@ -197,6 +196,6 @@ impl<'a> StampedJournal<'a> {
     /// A file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
         self.stamps.flush()?;
-        self.sent.flush()
+        self.data.flush()
     }
 }

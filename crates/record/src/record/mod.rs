@@ -1,7 +1,7 @@
-//! Records sensors while driving: total stations by GeoCOM, and whatever sends bytes by itself.
+//! Records sensors while driving: total stations, which are polled by GeoCOM, and sensors that send on their own.
 //!
-//! A recording is a folder with one log a source, in the formats that a project reads; `clock.csv`, the state of
-//! the system's clock once a second; `events.csv`, all that happened; and the project that is made of `field.toml`.
+//! A recording is a folder with one log per source, in formats that a project reads; `clock.csv`, the state of the
+//! system clock once a second; `events.csv`, the log of events; and the project made from `field.toml`.
 
 mod clock;
 mod counter;

@@ -1,4 +1,4 @@
-//! Where a sensor is: a serial port, a TCP address, a UDP port to listen on.
+//! How a sensor is connected: a serial port, a TCP address, a UDP port to listen on.
 
 use std::fmt;
 use std::io::{self, ErrorKind, Read, Write};
@@ -11,13 +11,13 @@ use serial2::SerialPort;
 use super::geocom::Link;
 use crate::error::{Error, Result};
 
-/// Longest time to connect.
+/// Time-out of a connection attempt.
 const CONNECTING: Duration = Duration::from_secs(3);
 
-/// Where a sensor is.
+/// Port or address of a sensor.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
-    /// A serial port and its rate in bits a second.
+    /// A serial port and its rate in bits per second.
     Serial(PathBuf, u32),
     /// Host and port of a TCP server.
     Tcp(String),
@@ -39,7 +39,7 @@ impl Place {
     /// Opens the link.
     ///
     /// # Errors
-    /// Names the port or address.
+    /// A link that cannot be opened, with its port or address.
     pub fn open(&self) -> Result<Wire> {
         let failed = |error| Error::io(Path::new(&self.to_string()), error);
         match self {
@@ -91,7 +91,7 @@ impl Write for Wire {
         match self {
             Self::Serial(port) => Write::write(port, from),
             Self::Tcp(stream) => stream.write(from),
-            // Nothing is asked over UDP.
+            // Sensors on UDP only send.
             Self::Udp(_) => Err(ErrorKind::Unsupported.into()),
         }
     }

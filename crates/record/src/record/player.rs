@@ -1,4 +1,4 @@
-//! Plays a recording: servers that send what its sensors sent, when they sent it.
+//! Plays a recording: servers send the recorded bytes at the times at which they arrived.
 
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
@@ -16,26 +16,26 @@ use super::place::Place;
 use crate::error::{Error, Result};
 use crate::format::{Pieces, RecordingClock, station_rows};
 
-/// Before the first piece is sent, so that all links are open, seconds of ours.
+/// Real time before the first piece is sent, so that all links are open, seconds.
 const LEAD_S: f64 = 1.0;
-/// Longest time without looking whether to stop.
-const PATIENCE: Duration = Duration::from_millis(20);
+/// Longest sleep between two checks whether to stop.
+const TICK: Duration = Duration::from_millis(20);
 /// Largest datagram.
 const DATAGRAM: usize = 1400;
 
-/// A recording that is played over sockets of this computer.
+/// A recording that is being played over local sockets.
 pub struct Player {
     field: Field,
     clock: Clock,
     stop: Arc<AtomicBool>,
     senders: Vec<JoinHandle<Result<()>>>,
-    /// Live as long as the recording is played.
+    /// Kept alive as long as the recording is played.
     _stations: Vec<TcpInstrument>,
     span_s: f64,
 }
 
 impl Player {
-    /// Begins to play the recording in a folder, so many times as fast as it was made.
+    /// Begins to play the recording in a folder, at `speed` times real time.
     ///
     /// # Errors
     /// A folder without `field.toml`, `clock.csv` or the file of a source; addresses that cannot be listened on.
@@ -91,7 +91,7 @@ impl Player {
             let sender = Sender {
                 log,
                 link,
-                // The header of a table is written by who records.
+                // The recorder writes the header of a table itself.
                 skips_first: matches!(source.kind, Kind::Lines(_)),
                 is_timed_here: source.kind.is_timed_here(),
                 lead_s,
@@ -110,22 +110,22 @@ impl Player {
         })
     }
 
-    /// The sources as they are to be recorded.
+    /// The sources, with the addresses from which they can be recorded.
     pub fn field(&self) -> &Field {
         &self.field
     }
 
-    /// The time of the recording.
+    /// The clock of the recording being played.
     pub fn clock(&self) -> &Clock {
         &self.clock
     }
 
-    /// From the beginning to the last record, seconds of the recording.
+    /// Time from the beginning to the last record, seconds of the recording.
     pub fn span_s(&self) -> f64 {
         self.span_s
     }
 
-    /// Stops to play.
+    /// Stops playing.
     ///
     /// # Errors
     /// The first error of a sender.
@@ -133,10 +133,10 @@ impl Player {
         self.stop.store(true, Ordering::Relaxed);
         let mut ended = Ok(());
         for sender in self.senders.drain(..) {
-            let one = sender.join().unwrap_or_else(|_| {
-                Err(Error::data("the thread of a sender ended", "report this"))
-            });
-            ended = ended.and(one);
+            let result = sender
+                .join()
+                .unwrap_or_else(|_| Err(Error::data("a sending thread panicked", "report this")));
+            ended = ended.and(result);
         }
         ended
     }
@@ -148,19 +148,19 @@ impl Drop for Player {
     }
 }
 
-/// Where a sender sends.
+/// The socket over which a sensor's bytes are sent.
 enum Link {
     Stream(TcpListener, Option<TcpStream>),
     Datagrams(UdpSocket),
 }
 
 impl Link {
-    /// Sends, if anybody listens.
+    /// Sends bytes if a client is connected.
     fn send(&mut self, bytes: &[u8]) {
         match self {
             Self::Datagrams(socket) => {
                 for datagram in bytes.chunks(DATAGRAM) {
-                    // Nobody may listen yet, or any more.
+                    // Nobody may be listening yet, or any more.
                     let _ = socket.send(datagram);
                 }
             }
@@ -182,7 +182,7 @@ impl Link {
     }
 }
 
-/// The thread that sends what a sensor sent.
+/// The thread that sends the recorded bytes of a sensor.
 struct Sender {
     log: PathBuf,
     link: Link,
@@ -203,7 +203,7 @@ impl Sender {
             bytes.resize(length, 0);
             match file.read_exact(&mut bytes) {
                 Ok(()) => {}
-                // Cut off by a crash.
+                // The log was cut off by a crash.
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => break,
                 Err(error) => return Err(failed(error)),
             }
@@ -216,7 +216,7 @@ impl Sender {
                     break;
                 }
                 let left = Duration::from_secs_f64(left_s / self.clock.speed());
-                std::thread::sleep(left.min(PATIENCE));
+                std::thread::sleep(left.min(TICK));
             }
             if self.is_timed_here {
                 bytes = without_times(&bytes);
@@ -225,15 +225,15 @@ impl Sender {
                 self.link.send(&bytes);
             }
         }
-        // A link that is closed would be opened again: it ends with the recording.
+        // The recorder would reopen a closed link, so it stays open until the player stops.
         while !self.stop.load(Ordering::Relaxed) {
-            std::thread::sleep(PATIENCE);
+            std::thread::sleep(TICK);
         }
         Ok(())
     }
 }
 
-/// Lines without the times that their recording put before them.
+/// Lines without the times of arrival that the recorder put before them.
 fn without_times(lines: &[u8]) -> Vec<u8> {
     let lines = lines.split_inclusive(|byte| *byte == b'\n');
     let sent = lines.map(|line| {

@@ -1,4 +1,4 @@
-//! A recording: one thread a source, and one that watches clock and disk.
+//! A recording: one thread per source, and one that watches clock and disk.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,10 +16,10 @@ use super::thread::{Events, SourceThread};
 use super::{station, stream};
 use crate::error::{Error, Result};
 
-/// Time between two looks at clock and sources.
-const LOOK: Duration = Duration::from_secs(1);
+/// Time between two checks of clock and sources.
+const CHECK: Duration = Duration::from_secs(1);
 
-/// What is seen of a recording at a time.
+/// The state of a recording at one time.
 #[derive(Debug, Clone)]
 pub struct View {
     /// Seconds since it began.
@@ -28,21 +28,21 @@ pub struct View {
     pub common_s: f64,
     /// Name and state of each source.
     pub sources: Vec<(String, Seen)>,
-    /// The system's clock, if chrony runs.
+    /// The system clock, if chrony answers.
     pub clock: Option<ClockState>,
     /// By how much the clock was set since the last view, seconds.
     pub set_s: Option<f64>,
-    /// Room on the disk, where that can be told.
+    /// Free space on the disk, if the system reports it.
     pub room: Option<Room>,
-    /// The platform's pose; `None` where no project says what the logs are.
+    /// The platform's pose; `None` without a project that describes the logs.
     pub live: Option<LiveView>,
 }
 
-/// Records all sources into a new folder until `goes_on` is false. It is asked with a view of the recording once a
-/// second.
+/// Records all sources into a new folder until `goes_on`, which is called once a second with a view of the recording,
+/// returns false.
 ///
 /// # Errors
-/// The folder is there, or a file cannot be written: the first of these errors, after all sources were stopped.
+/// The folder exists already, or a file cannot be written: the first of these errors, after all sources were stopped.
 pub fn record(
     field: &Field,
     folder: &Path,
@@ -76,7 +76,7 @@ pub fn record(
                     _ => stream::record(&thread),
                 };
                 if ended.is_err() {
-                    // A disk that is full stops all: what is not written must not seem recorded.
+                    // A full disk stops all sources: data that are not written must not seem recorded.
                     thread.stop.store(true, Ordering::Relaxed);
                 }
                 thread.status.done();
@@ -101,10 +101,13 @@ pub fn record(
         stop.store(true, Ordering::Relaxed);
         let mut ended = watched;
         for thread in threads {
-            let one = thread.join().unwrap_or_else(|_| {
-                Err(Error::data("the thread of a source ended", "report this"))
+            let result = thread.join().unwrap_or_else(|_| {
+                Err(Error::data(
+                    "the thread of a source panicked",
+                    "report this",
+                ))
             });
-            ended = ended.and(one);
+            ended = ended.and(result);
         }
         ended = ended.and(clock_log.flush());
         let last = if ended.is_ok() {
@@ -116,7 +119,7 @@ pub fn record(
     })
 }
 
-/// Looks at clock and sources once a second.
+/// Checks clock, disk and sources once a second.
 fn watch(
     (field, folder): (&Field, &Path),
     live: Option<&Mutex<LiveView>>,
@@ -133,10 +136,10 @@ fn watch(
     while !stop.load(Ordering::Relaxed) {
         let begun = Instant::now();
         let now = clock.now();
-        let set_s = steps.look(now);
+        let set_s = steps.check(now);
         let state = clock.state();
         let (time_s, monotonic_s) = (now.unix_s(), now.monotonic_s());
-        let of_clock = state.as_ref().map_or(",,,".to_owned(), |state| {
+        let clock_cells = state.as_ref().map_or(",,,".to_owned(), |state| {
             let locked = u8::from(state.is_locked);
             let reference = state.reference.replace(',', " ");
             format!(
@@ -145,13 +148,14 @@ fn watch(
             )
         });
         let set = set_s.map_or(String::new(), |set_s| format!("{set_s:.6}"));
-        clock_log.append(format!("{time_s:.6},{monotonic_s:.6},{of_clock},{set}\n").as_bytes())?;
+        clock_log
+            .append(format!("{time_s:.6},{monotonic_s:.6},{clock_cells},{set}\n").as_bytes())?;
         if let Some(set_s) = set_s {
             events.add(clock, "clock", &format!("set by {set_s:+.3} s"))?;
         }
         let is_locked = state.as_ref().map(|state| state.is_locked);
         if was_locked == Some(true) && is_locked != Some(true) {
-            events.add(clock, "clock", "follows nothing any more")?;
+            events.add(clock, "clock", "has lost its reference")?;
         }
         was_locked = is_locked;
         let sources: Vec<(String, Seen)> = (field.sources.iter().zip(status))
@@ -196,17 +200,17 @@ fn watch(
         if !goes_on(&view) {
             break;
         }
-        while begun.elapsed() < LOOK && !stop.load(Ordering::Relaxed) {
+        while begun.elapsed() < CHECK && !stop.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
     Ok(())
 }
 
-/// Makes the folder, with what describes the recording.
+/// Creates the folder, with a copy of `field.toml` and the project.
 fn begin(field: &Field, folder: &Path) -> Result<()> {
     if folder.exists() {
-        let found = format!("{}: there is a recording already", folder.display());
+        let found = format!("{}: the folder exists already", folder.display());
         return Err(Error::data(found, "choose another folder"));
     }
     fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;

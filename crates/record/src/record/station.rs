@@ -9,19 +9,19 @@ use crate::error::{Error, Result};
 
 const DISTANCES: &str = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status,monotonic_s,round_trip_s,\
                          synchronous,instrument_time_s\n";
-/// The measurement program whose angles are those of the time of the distance.
+/// The measurement program whose angles are measured at the time of the distance.
 const SYNCHRONOUS: u16 = 10;
 const ANGLES: &str = "time_s,horizontal_deg,vertical_deg,monotonic_s,round_trip_s\n";
-/// In the instrument's own system, which is not known here.
+/// Coordinates in the instrument's own system, which the program does not know.
 const COORDINATES: &str =
     "time_s,east_m,north_m,up_m,status,monotonic_s,round_trip_s,instrument_time_s\n";
 
-/// Records a total station until it is told to stop: distances with their angles in `name.csv`, which is a log of
-/// polar observations, and the angles between distances in `name.angles.csv`; of an instrument that gives coordinates
-/// instead of distances, these in `name.coordinates.csv`.
+/// Records a total station until the recording stops: distances with their angles in `name.csv`, which is a log of
+/// polar observations, and the angles between distances in `name.angles.csv`; if the instrument gives coordinates
+/// instead of distances, these are in `name.coordinates.csv`.
 ///
 /// # Errors
-/// A file cannot be written. A link that ends is opened again; an instrument that refuses is said.
+/// A file cannot be written. A link that ends is reopened; the refusal of an instrument becomes an event.
 pub fn record(thread: &SourceThread<'_>, settings: &TrackingSettings) -> Result<()> {
     let settings = &TrackingSettings {
         interval: settings.interval.div_f64(thread.clock.speed()),
@@ -40,12 +40,12 @@ pub fn record(thread: &SourceThread<'_>, settings: &TrackingSettings) -> Result<
     if let Some(mut station) = station
         && let Err(error) = station.stop()
     {
-        thread.event(&format!("could not be left as it was: {error}"))?;
+        thread.event(&format!("its modes could not be restored: {error}"))?;
     }
     logs.flush()
 }
 
-/// What ends a link, or the recording.
+/// An error that ends a link, or the recording.
 enum Failure {
     Link(Error),
     Disk(Error),
@@ -72,7 +72,7 @@ fn tracked(
             station.insert(opened.map_err(Failure::Link)?)
         }
     };
-    // Also an instrument whose start failed before.
+    // A reconnected instrument tracks already, unless its first start failed.
     if !station.is_tracking() {
         station.start().map_err(Failure::Link)?;
     }
@@ -87,7 +87,7 @@ fn tracked(
         .map_err(Failure::Disk)?;
     while thread.goes_on() {
         match station.next_event().map_err(Failure::Link)? {
-            Event::Measured(found) => logs.add(&found).map_err(Failure::Disk)?,
+            Event::Measured(measurement) => logs.add(&measurement).map_err(Failure::Disk)?,
             Event::Lost => thread.said("prism lost").map_err(Failure::Disk)?,
             Event::Found => thread.said("locked").map_err(Failure::Disk)?,
             Event::Note(text) => thread.event(&text).map_err(Failure::Disk)?,
@@ -103,7 +103,7 @@ struct StationLogs<'t, 'a> {
     is_synchronous: bool,
     distances: Journal<'a>,
     angles: Journal<'a>,
-    /// Of an instrument that gives coordinates instead of distances.
+    /// Only for an instrument that gives coordinates instead of distances.
     coordinates: Option<Journal<'a>>,
 }
 
@@ -124,36 +124,36 @@ impl<'t, 'a> StationLogs<'t, 'a> {
         })
     }
 
-    fn add(&mut self, found: &Measurement<Stamp>) -> Result<()> {
+    fn add(&mut self, measurement: &Measurement<Stamp>) -> Result<()> {
         let thread = self.thread;
-        let trip_s = found.round_trip.as_secs_f64() * thread.clock.speed();
-        // It was measured some time between request and reply.
-        let time_s = thread.clock.common_s(&found.arrived) - 0.5 * trip_s;
-        let monotonic_s = found.arrived.monotonic_s();
-        // Of GeoCOM: 0 where all is well.
-        let status = found.code.0;
-        let own = found
+        let trip_s = measurement.round_trip.as_secs_f64() * thread.clock.speed();
+        // Measured some time between request and reply: take the middle.
+        let time_s = thread.clock.common_s(&measurement.arrived) - 0.5 * trip_s;
+        let monotonic_s = measurement.arrived.monotonic_s();
+        // The return code of GeoCOM: 0 if all is well.
+        let status = measurement.code.0;
+        let instrument_time = measurement
             .instrument_time_s
             .map_or(String::new(), |t| format!("{t:.3}"));
-        if let Some([east_m, north_m, up_m]) = found.position_m {
+        if let Some([east_m, north_m, up_m]) = measurement.position_m {
             let row = format!(
-                "{time_s:.6},{east_m:.5},{north_m:.5},{up_m:.5},{status},{monotonic_s:.6},{trip_s:.6},{own}\n"
+                "{time_s:.6},{east_m:.5},{north_m:.5},{up_m:.5},{status},{monotonic_s:.6},{trip_s:.6},{instrument_time}\n"
             );
             self.coordinates()?.append(row.as_bytes())?;
-            thread.status.arrived(1, row.len(), found.arrived);
+            thread.status.arrived(1, row.len(), measurement.arrived);
         }
-        let Some(seen) = found.angles else {
+        let Some(angles) = measurement.angles else {
             return Ok(());
         };
-        let (hz_deg, v_deg) = (seen.hz_rad.to_degrees(), seen.v_rad.to_degrees());
-        match found.distance_m {
+        let (hz_deg, v_deg) = (angles.hz_rad.to_degrees(), angles.v_rad.to_degrees());
+        match measurement.distance_m {
             Some(distance_m) => {
                 let is_synchronous = u8::from(self.is_synchronous);
                 let row = format!(
-                    "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{is_synchronous},{own}\n"
+                    "{time_s:.6},{distance_m:.5},{hz_deg:.7},{v_deg:.7},{status},{monotonic_s:.6},{trip_s:.6},{is_synchronous},{instrument_time}\n"
                 );
                 self.distances.append(row.as_bytes())?;
-                thread.status.arrived(1, row.len(), found.arrived);
+                thread.status.arrived(1, row.len(), measurement.arrived);
             }
             None => {
                 let row =

@@ -1,13 +1,13 @@
-//! What is known of a source while it is recorded.
+//! The state of a source while it is recorded.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::clock::Stamp;
 
-/// Rates are those of so many seconds.
+/// Rates are means over this time, seconds.
 const RATE_S: f64 = 3.0;
-/// A source is silent where nothing arrived for this many of its usual intervals, and for at least a second.
+/// A source is silent if nothing arrived for this many of its usual intervals, and for at least a second.
 const SILENT_INTERVALS: f64 = 10.0;
 const SILENT_S: f64 = 1.0;
 
@@ -22,7 +22,7 @@ struct State {
     bytes: u64,
     openings: u64,
     damaged: u64,
-    /// Times at which records arrived of late, seconds, and how many.
+    /// Recent times at which records arrived, seconds, and their numbers.
     recent: VecDeque<(f64, u64)>,
     first_s: Option<f64>,
     word: String,
@@ -30,12 +30,12 @@ struct State {
     is_done: bool,
 }
 
-/// What is shown of a source.
+/// The state of a source as the view shows it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
     /// Whether its link is open.
     pub is_open: bool,
-    /// Records so far: of a total station, distances.
+    /// Records so far; for a total station, distances.
     pub records: u64,
     /// Bytes so far.
     pub bytes: u64,
@@ -43,13 +43,13 @@ pub struct Seen {
     pub damaged: u64,
     /// Times that the link was opened again.
     pub reopened: u64,
-    /// Records a second, of late.
+    /// Recent records per second.
     pub rate_hz: f64,
     /// Time since the last record, seconds.
     pub age_s: Option<f64>,
-    /// Whether nothing arrives any more, or never did.
+    /// Whether nothing arrives any more, or nothing ever did.
     pub is_silent: bool,
-    /// What the sensor says of itself.
+    /// The state that the sensor reports.
     pub word: String,
     /// The last error of its link.
     pub error: Option<String>,
@@ -95,12 +95,12 @@ impl Status {
         }
     }
 
-    /// Bytes turned out to belong to no record.
+    /// Adds bytes that belong to no record.
     pub fn damaged(&self, bytes: u64) {
         self.state().damaged += bytes;
     }
 
-    /// What the sensor says of itself, such as lost lock.
+    /// Sets the state that the sensor reports, such as a lost lock.
     pub fn says(&self, word: &str) {
         self.state().word = word.to_owned();
     }
@@ -115,7 +115,7 @@ impl Status {
         self.state().is_done
     }
 
-    /// What is shown now.
+    /// The state to show now.
     pub fn seen(&self, now: Stamp) -> Seen {
         let state = self.state();
         let now_s = now.monotonic_s();
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_counted_whole() {
+    fn the_rate_of_many_records_at_once_is_counted_in_full() {
         let status = Status::default();
         for i in 0..20 {
             status.arrived(5000, 40_000, at(0.1 * f64::from(i)));
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn rate_age_and_silence_are_seen() {
+    fn the_state_shows_rate_age_and_silence() {
         let status = Status::default();
         assert!(status.seen(at(0.0)).is_silent);
         status.opened();

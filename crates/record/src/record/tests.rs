@@ -1,4 +1,4 @@
-//! Links that end in the middle of a line, an instrument that refuses at first, and files as a kill leaves them.
+//! Links that end in the middle of a line, an instrument that refuses at first, and files as they are after a kill.
 
 use std::fs;
 use std::io::Write;
@@ -16,7 +16,7 @@ use super::{Clock, Field, Stamp, View, record};
 use crate::format;
 use crate::sensor::Observations;
 
-/// Where the prism of the simulated instrument is.
+/// Position of the simulated instrument's prism, metres.
 fn target(time_s: f64) -> [f64; 3] {
     [2.0 + 0.5 * time_s, 20.0, 1.0]
 }
@@ -81,8 +81,8 @@ impl Drop for Sender {
 }
 
 #[test]
-fn a_line_that_the_end_of_a_link_cut_off_is_not_joined_with_the_next() {
-    let kept = tempfile::tempdir().unwrap();
+fn a_line_cut_off_by_the_end_of_a_link_is_not_joined_with_the_next() {
+    let parent = tempfile::tempdir().unwrap();
     let plain = Sender::new(&["11\n12", "3.4\n5\n"]);
     let timed = Sender::new(&["1.5,11\n17", "1.9,5\n2.0,6\n"]);
     let text = [("plain", "number", &plain), ("timed", "time_s,number", &timed)].map(
@@ -93,8 +93,8 @@ fn a_line_that_the_end_of_a_link_cut_off_is_not_joined_with_the_next() {
             )
         },
     );
-    let field = field(kept.path(), &text.concat());
-    let folder = kept.path().join("drive");
+    let field = field(parent.path(), &text.concat());
+    let folder = parent.path().join("drive");
     let mut damaged = Vec::new();
     record_for(3.0, &field, &folder, |view| {
         damaged = view.sources.iter().map(|(_, seen)| seen.damaged).collect();
@@ -112,8 +112,8 @@ fn a_line_that_the_end_of_a_link_cut_off_is_not_joined_with_the_next() {
 }
 
 #[test]
-fn what_arrived_is_on_its_way_to_the_disk_while_a_link_is_away() {
-    let kept = tempfile::tempdir().unwrap();
+fn received_lines_are_written_while_a_link_is_down() {
+    let parent = tempfile::tempdir().unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     let sender = std::thread::spawn(move || {
@@ -121,35 +121,35 @@ fn what_arrived_is_on_its_way_to_the_disk_while_a_link_is_away() {
         stream.write_all(b"42\n").unwrap();
     });
     let field = field(
-        kept.path(),
+        parent.path(),
         &format!(
             "[[source]]\nname = \"a\"\nkind = \"lines\"\nheader = \"number\"\naddress = \"{address}\"\n"
         ),
     );
-    let folder = kept.path().join("drive");
-    let mut found = String::new();
+    let folder = parent.path().join("drive");
+    let mut log = String::new();
     record_for(3.0, &field, &folder, |_| {
-        found = fs::read_to_string(folder.join("a.csv")).unwrap_or_default();
+        log = fs::read_to_string(folder.join("a.csv")).unwrap_or_default();
     });
     sender.join().unwrap();
-    assert!(found.ends_with(",42\n"), "{found:?}");
+    assert!(log.ends_with(",42\n"), "{log:?}");
 }
 
 #[test]
-fn bytes_are_never_handed_over_before_their_time_of_arrival() {
-    let kept = tempfile::tempdir().unwrap();
+fn bytes_are_never_written_before_their_time_of_arrival() {
+    let parent = tempfile::tempdir().unwrap();
     let disk = Disk::default();
-    let mut journal = StampedJournal::create(kept.path(), "a", "sbg", &disk).unwrap();
+    let mut journal = StampedJournal::create(parent.path(), "a", "sbg", &disk).unwrap();
     let at = Stamp {
         monotonic_ns: 5_000_000,
         unix_ns: 0,
     };
     journal.append(&[7; 70_000], at).unwrap();
     assert_eq!(
-        fs::metadata(kept.path().join("a.sbg")).unwrap().len(),
+        fs::metadata(parent.path().join("a.sbg")).unwrap().len(),
         70_000
     );
-    let stamps = fs::read_to_string(kept.path().join("a.stamps.csv")).unwrap();
+    let stamps = fs::read_to_string(parent.path().join("a.stamps.csv")).unwrap();
     assert!(stamps.contains("\n0,0.005000,"), "{stamps:?}");
 }
 
@@ -167,14 +167,14 @@ fn station_field(folder: &Path, station: &TcpInstrument) -> Field {
 
 #[test]
 fn a_total_station_that_refuses_at_first_is_started_again() {
-    let kept = tempfile::tempdir().unwrap();
+    let parent = tempfile::tempdir().unwrap();
     let station = station(SimulatedSettings::default());
     let usual = station.simulated().modes();
     let mut refused = usual;
     refused.edm_mode = None;
     station.simulated().set_modes(refused);
-    let field = station_field(kept.path(), &station);
-    let folder = kept.path().join("drive");
+    let field = station_field(parent.path(), &station);
+    let folder = parent.path().join("drive");
     record_for(6.0, &field, &folder, |view| {
         if view.time_s > 1.5 && station.simulated().modes().edm_mode.is_none() {
             station.simulated().set_modes(usual);
@@ -191,8 +191,8 @@ fn a_total_station_that_refuses_at_first_is_started_again() {
 }
 
 #[test]
-fn coordinates_of_a_total_station_are_kept() {
-    let kept = tempfile::tempdir().unwrap();
+fn coordinates_of_a_total_station_are_recorded() {
+    let parent = tempfile::tempdir().unwrap();
     let station = station(SimulatedSettings {
         unknown: vec![
             Procedure::GetFullMeas,
@@ -201,20 +201,23 @@ fn coordinates_of_a_total_station_are_kept() {
         ],
         ..SimulatedSettings::default()
     });
-    let field = station_field(kept.path(), &station);
-    let folder = kept.path().join("drive");
+    let field = station_field(parent.path(), &station);
+    let folder = parent.path().join("drive");
     let (mut records, mut word) = (0, String::new());
     record_for(4.0, &field, &folder, |view| {
         records = view.sources[0].1.records;
         word.clone_from(&view.sources[0].1.word);
     });
     let log = folder.join("station.coordinates.csv");
-    let found = format::read_positions(&log, &Observations::AsFound).unwrap();
-    assert!(found.fixes.len() > 3 && records > 0, "{records} records");
+    let positions = format::read_positions(&log, &Observations::AsFound).unwrap();
+    assert!(
+        positions.fixes.len() > 3 && records > 0,
+        "{records} records"
+    );
     assert!(word.contains("station.coordinates.csv"), "{word}");
-    let times_s: Vec<f64> = found.fixes.iter().map(|fix| fix.time_s).collect();
+    let times_s: Vec<f64> = positions.fixes.iter().map(|fix| fix.time_s).collect();
     assert!(times_s.is_sorted());
-    for fix in &found.fixes {
+    for fix in &positions.fixes {
         assert_eq!((fix.position_m.y, fix.position_m.z), (20.0, 1.0));
         assert!((2.0..6.0).contains(&fix.position_m.x), "{fix:?}");
     }

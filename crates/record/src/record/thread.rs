@@ -1,4 +1,4 @@
-//! What the thread of a source works with.
+//! The context of the thread that records a source.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -12,7 +12,7 @@ use super::journal::{Disk, Journal};
 use super::status::Status;
 use crate::error::{Error, Result};
 
-/// Time before a link is opened again.
+/// Pause before a link is opened again.
 const AGAIN: Duration = Duration::from_secs(1);
 
 /// The log of everything that happens to the sources.
@@ -20,17 +20,17 @@ const AGAIN: Duration = Duration::from_secs(1);
 pub struct Events<'a>(Mutex<Journal<'a>>);
 
 impl<'a> Events<'a> {
-    /// Begins `events.csv`.
+    /// Creates `events.csv`.
     ///
     /// # Errors
-    /// It is there, or cannot be written.
+    /// A file that exists already or cannot be written.
     pub fn create(folder: &Path, disk: &'a Disk) -> Result<Self> {
         let mut journal = Journal::create(&folder.join("events.csv"), disk)?;
         journal.append(b"unix_s,monotonic_s,source,event\n")?;
         Ok(Self(Mutex::new(journal)))
     }
 
-    /// Adds what happened to a source.
+    /// Adds an event of a source.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -44,26 +44,26 @@ impl<'a> Events<'a> {
         );
         let mut journal = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         journal.append(row.as_bytes())?;
-        // What happens is rare, and asked for after a crash.
+        // Events are rare, and needed after a crash.
         journal.flush()
     }
 }
 
-/// What the thread of a source works with.
+/// The context of the thread that records a source.
 pub struct SourceThread<'a> {
     /// The source.
     pub source: &'a Source,
-    /// Where files are written.
+    /// Folder of the recording.
     pub folder: &'a Path,
     /// The clocks.
     pub clock: &'a Clock,
-    /// What is shown of it.
+    /// The state of the source for the view.
     pub status: &'a Status,
-    /// What happens.
+    /// The log of events.
     pub events: &'a Events<'a>,
-    /// Where files are brought.
+    /// Syncs the files of the recording.
     pub disk: &'a Disk,
-    /// Set where the recording ends.
+    /// Set when the recording ends.
     pub stop: &'a AtomicBool,
 }
 
@@ -73,7 +73,7 @@ impl SourceThread<'_> {
         !self.stop.load(Ordering::Relaxed)
     }
 
-    /// Keeps what happened.
+    /// Logs an event.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -81,7 +81,7 @@ impl SourceThread<'_> {
         self.events.add(self.clock, &self.source.name, text)
     }
 
-    /// Keeps and shows what the sensor says.
+    /// Logs and shows a state that the sensor reports.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -90,7 +90,7 @@ impl SourceThread<'_> {
         self.event(word)
     }
 
-    /// The link ended or cannot be opened: keeps it where it is news, and waits before the next attempt.
+    /// After the link ended or could not be opened: logs the error if it is new, and waits before the next attempt.
     ///
     /// # Errors
     /// The file cannot be written.

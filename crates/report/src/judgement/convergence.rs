@@ -61,7 +61,7 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
         number::length(minimum.shift_m),
         minimum.turn_rad.to_degrees()
     );
-    Some(match &minimum.other {
+    Some(match &minimum.alternative {
         Some(other) => {
             let pairs = result.mountings.iter().zip(other);
             let places = pairs.map(|(own, other)| {

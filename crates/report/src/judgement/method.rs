@@ -9,7 +9,7 @@ use crate::verdict::Verdict;
 pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdict> {
     let refused: Vec<Verdict> = joint
         .into_iter()
-        .flat_map(|joint| refusals(&joint.refused, joint.found.is_some()))
+        .flat_map(|joint| refusals(&joint.refused, joint.result.is_some()))
         .collect();
     if !refused.is_empty() {
         return refused;

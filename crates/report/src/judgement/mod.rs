@@ -122,7 +122,7 @@ fn calibration(
     verdicts.extend(agreement(drives, acceptance));
     if let Some(joint) = joint {
         verdicts.extend(joint.late.iter().map(late_scanner));
-        verdicts.extend(joint.said.iter().cloned());
+        verdicts.extend(joint.verdicts.iter().cloned());
     }
     verdicts.extend(disagreements(calibrations));
     verdicts.extend(accepted.into_iter().flat_map(motion::verdicts));

@@ -12,7 +12,7 @@ const SHOWN_PERCENT: usize = 97;
 
 /// Numbers, then the maps side by side; empty without distances.
 pub fn section(comparison: &Comparison) -> String {
-    let agreement = &comparison.found;
+    let agreement = &comparison.agreement;
     let positions = core(agreement).map(|(place, _)| place);
     let Some(bounds) = Bounds::around(positions) else {
         return String::new();
@@ -50,7 +50,7 @@ fn cell(name: &str, (sign, limit_m): (&str, f64), figures: String) -> String {
 
 /// The statistics, each with its definition.
 fn numbers(comparison: &Comparison) -> String {
-    let statistics = &comparison.found.statistics;
+    let statistics = &comparison.agreement.statistics;
     let length = |metres: f64| number::with_unit(number::millimetres(metres), "mm");
     let share = if statistics.significant_share.is_nan() {
         number::DASH.to_owned()

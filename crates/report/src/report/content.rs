@@ -63,7 +63,7 @@ pub struct Comparison {
     /// Name of the reference.
     pub reference: String,
     /// The comparison, under the name of the cloud.
-    pub found: Agreement,
+    pub agreement: Agreement,
 }
 
 /// Where the sensors are on the body.
@@ -97,7 +97,7 @@ pub struct Fact {
     pub value: String,
 }
 
-stored!(struct Comparison { reference, found });
+stored!(struct Comparison { reference, agreement });
 stored!(struct Fact { label, value });
 stored!(struct Platform { axes, marks, outlines_m });
 stored!(struct InputFile { path, bytes, xxh128 });

@@ -13,7 +13,7 @@ use crate::results::Calibrations;
 /// An adjustment over all its scales.
 struct Run<'a> {
     label: &'static str,
-    found: &'a Calibration,
+    calibration: &'a Calibration,
     /// The true body_from_scanner of each scanner, if known.
     truth: Option<&'a [BodyFromScanner]>,
 }
@@ -21,7 +21,7 @@ struct Run<'a> {
 impl Run<'_> {
     /// Axis label, unit and definition of [`Run::cost`].
     fn measure(&self) -> [&'static str; 3] {
-        match self.found.method {
+        match self.calibration.method {
             Method::TwoStep | Method::Joint => [
                 "mean thickness (mm)",
                 "mm",
@@ -40,7 +40,7 @@ impl Run<'_> {
     fn cost(&self, scale: &Scale) -> Vec<f64> {
         let means = scale.costs.iter();
         let means = means.map(|cost| cost / scale.neighbourhoods as f64);
-        match self.found.method {
+        match self.calibration.method {
             // exp(½ mean ln(λ₃ + s²)): the geometric mean of √(λ₃ + s²).
             Method::TwoStep | Method::Joint => means.map(|mean| 1e3 * (0.5 * mean).exp()).collect(),
             Method::Paper => means.map(|mean| 1e6 * mean.sqrt()).collect(),
@@ -59,7 +59,7 @@ impl Run<'_> {
             let estimated = &mounting.body_from_scanner;
             let shift = estimated.translation_m - truth.translation_m;
             let turn = so3::log(&(estimated.rotation * truth.rotation.inverse()));
-            for axis in (0..3).filter(|&axis| self.found.is_observable(scanner, axis)) {
+            for axis in (0..3).filter(|&axis| self.calibration.is_observable(scanner, axis)) {
                 length_m = length_m.max(shift[axis].abs());
             }
             angle_rad = angle_rad.max(turn.amax());
@@ -74,9 +74,9 @@ impl Run<'_> {
 
 fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     let truth = calibrations.mountings(MountingKind::Truth);
-    let run = |label, found| Run {
+    let run = |label, calibration| Run {
         label,
-        found,
+        calibration,
         truth,
     };
     let two_steps = calibrations.two_steps();
@@ -126,7 +126,7 @@ fn comparison(runs: &[Run]) -> String {
     );
     let mut body = String::new();
     for run in runs {
-        let scales = run.found.scales.as_slice();
+        let scales = run.calibration.scales.as_slice();
         let voxels = match scales {
             [] => DASH.to_owned(),
             [only] => number::voxel(only.voxel_m),
@@ -136,7 +136,7 @@ fn comparison(runs: &[Run]) -> String {
                 number::voxel(last.voxel_m)
             ),
         };
-        let class = if run.found.converged {
+        let class = if run.calibration.converged {
             "text"
         } else {
             "text out"
@@ -157,7 +157,7 @@ fn comparison(runs: &[Run]) -> String {
 /// The cost of one method over its iterations, with one column per scale.
 fn chart(run: &Run) -> String {
     let [label, _, definition] = run.measure();
-    let scales = &run.found.scales;
+    let scales = &run.calibration.scales;
     let costs = || scales.iter().flat_map(|scale| run.cost(scale));
     if !costs().any(|c| c.is_finite() && c > 0.0) {
         return String::new();
@@ -200,7 +200,7 @@ fn chart(run: &Run) -> String {
 
 /// All scales of all methods.
 fn scales(runs: &[Run]) -> String {
-    if runs.iter().all(|run| run.found.scales.is_empty()) {
+    if runs.iter().all(|run| run.calibration.scales.is_empty()) {
         return String::new();
     }
     let head = format!(
@@ -210,7 +210,7 @@ fn scales(runs: &[Run]) -> String {
     let mut body = String::new();
     for run in runs {
         let [_, unit, _] = run.measure();
-        for (i, scale) in run.found.scales.iter().enumerate() {
+        for (i, scale) in run.calibration.scales.iter().enumerate() {
             let is_first = i == 0;
             let last = run.cost(scale).last().copied().unwrap_or(f64::NAN);
             let cost = number::significant(last, 3);

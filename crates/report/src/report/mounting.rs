@@ -19,7 +19,7 @@ struct Column<'a> {
     label: &'static str,
     body_from_scanner: BodyFromScanner,
     /// The calibration and the index of the scanner; `None` for initial values.
-    found: Option<(&'a Calibration, usize)>,
+    calibrated: Option<(&'a Calibration, usize)>,
     /// Whether the column is emphasised.
     is_result: bool,
 }
@@ -40,7 +40,7 @@ enum Origin {
 impl Column<'_> {
     /// Origin of tx, ty, tz, rx, ry or rz; the last three stand for α, β, γ.
     fn origin(&self, parameter: usize) -> Origin {
-        match self.found {
+        match self.calibrated {
             None => Origin::Given,
             Some((calibration, scanner)) if calibration.mountings[scanner].fixed[parameter] => {
                 Origin::Fixed
@@ -98,7 +98,7 @@ impl Block {
 
     /// In metres or degrees.
     fn sigmas(self, column: &Column) -> [Option<f64>; 3] {
-        let Some((calibration, scanner)) = column.found else {
+        let Some((calibration, scanner)) = column.calibrated else {
             return [None; 3];
         };
         match self {
@@ -284,11 +284,11 @@ fn refused(calibrations: &Calibrations) -> Option<Calibration> {
 }
 
 /// A column of a calibration.
-fn column<'a>(label: &'static str, found: &'a Calibration, scanner: usize) -> Column<'a> {
+fn column<'a>(label: &'static str, calibration: &'a Calibration, scanner: usize) -> Column<'a> {
     Column {
         label,
-        body_from_scanner: found.mountings[scanner].body_from_scanner,
-        found: Some((found, scanner)),
+        body_from_scanner: calibration.mountings[scanner].body_from_scanner,
+        calibrated: Some((calibration, scanner)),
         is_result: false,
     }
 }
@@ -304,7 +304,7 @@ fn methods<'a>(
     let initial = initial.map(|initial| Column {
         label: "initial",
         body_from_scanner: initial[scanner],
-        found: None,
+        calibrated: None,
         is_result: false,
     });
     let variant = |variant, label| {
@@ -412,7 +412,7 @@ mod tests {
         let initial = Column {
             label: "initial",
             body_from_scanner: mounting(179.95),
-            found: None,
+            calibrated: None,
             is_result: false,
         };
         let truth = mounting(-179.95);

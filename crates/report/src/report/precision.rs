@@ -18,7 +18,7 @@ const NAMES: [&str; 6] = ["tx", "ty", "tz", "about x", "about y", "about z"];
 struct Series<'a> {
     class: &'static str,
     name: String,
-    found: &'a Calibration,
+    calibration: &'a Calibration,
 }
 
 /// Standard deviations of all parameters, positions beside rotations; empty without a covariance.
@@ -27,7 +27,7 @@ pub fn figure(calibrations: &Calibrations) -> String {
     let mut series = vec![Series {
         class: "s0",
         name: method_name(result.method).to_owned(),
-        found: result,
+        calibration: result,
     }];
     for (variant, class, name) in [
         (Variant::TwoStep, "s1", "two steps"),
@@ -37,13 +37,13 @@ pub fn figure(calibrations: &Calibrations) -> String {
             "two steps without reference",
         ),
     ] {
-        series.extend(calibrations.variant(variant).map(|found| Series {
+        series.extend(calibrations.variant(variant).map(|calibration| Series {
             class,
             name: name.to_owned(),
-            found,
+            calibration,
         }));
     }
-    series.retain(|one| one.found.covariance.is_some());
+    series.retain(|one| one.calibration.covariance.is_some());
     if series.is_empty() {
         return String::new();
     }
@@ -57,7 +57,8 @@ pub fn figure(calibrations: &Calibrations) -> String {
         .map(|one| (one.class.to_owned(), one.name.clone()))
         .collect();
     let is_open = series.iter().any(|one| {
-        (0..one.found.mountings.len()).any(|scanner| sigmas(one.found, scanner).contains(&None))
+        (0..one.calibration.mountings.len())
+            .any(|scanner| sigmas(one.calibration, scanner).contains(&None))
     });
     if is_open {
         entries.push(("open".into(), "fixed, or not determined by the data".into()));
@@ -87,7 +88,7 @@ pub fn sigmas(calibration: &Calibration, scanner: usize) -> [Option<f64>; 6] {
 }
 
 fn chart(series: &[Series], (first, label, factor): (usize, &str, f64)) -> String {
-    let scanners = &series[0].found.mountings;
+    let scanners = &series[0].calibration.mountings;
     let names: Vec<String> = scanners
         .iter()
         .flat_map(|mounting| {
@@ -97,7 +98,8 @@ fn chart(series: &[Series], (first, label, factor): (usize, &str, f64)) -> Strin
         .collect();
     let all = |one: &Series| -> Vec<Option<f64>> {
         let rows = 0..scanners.len();
-        let rows = rows.flat_map(|scanner| sigmas(one.found, scanner)[first..first + 3].to_vec());
+        let rows =
+            rows.flat_map(|scanner| sigmas(one.calibration, scanner)[first..first + 3].to_vec());
         rows.map(|sigma| sigma.map(|sigma| factor * sigma))
             .collect()
     };

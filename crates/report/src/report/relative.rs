@@ -13,7 +13,7 @@ use crate::statistics::NORMAL_97_5_ROUNDED;
 /// The result of a method.
 struct Column {
     name: &'static str,
-    found: RelativeMounting,
+    mounting: RelativeMounting,
     is_result: bool,
 }
 
@@ -22,19 +22,19 @@ pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
     let result = calibrations.result;
     let mut out = String::new();
-    for (i, found) in result.relative().into_iter().enumerate() {
+    for (i, mounting) in result.relative().into_iter().enumerate() {
         let truth = truth.map(|truth| relative(&truth[0], &truth[i + 1]));
         let column = |calibration: &Calibration| Column {
             name: method_name(calibration.method),
-            found: calibration.relative().swap_remove(i),
+            mounting: calibration.relative().swap_remove(i),
             is_result: false,
         };
         let two_steps = calibrations.two_steps();
         let two_steps = two_steps.filter(|calibration| calibration.method != result.method);
         let mut columns: Vec<Column> = two_steps.map(column).into_iter().collect();
-        let heading = format!("{} relative to {}", found.name, found.first);
+        let heading = format!("{} relative to {}", mounting.name, mounting.first);
         columns.push(Column {
-            found,
+            mounting,
             is_result: true,
             ..column(result)
         });
@@ -76,7 +76,7 @@ fn table(columns: &[Column], truth: Option<&ScannerFromScanner>) -> String {
             body.push_str(&format!(
                 "<td{}>{}</td>",
                 result(column.is_result),
-                cell(&column.found, truth, i)
+                cell(&column.mounting, truth, i)
             ));
         }
         if let Some(truth) = truth {

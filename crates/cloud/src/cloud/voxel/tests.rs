@@ -1,4 +1,4 @@
-//! Thinning against its definition.
+//! Thinning compared with its definition.
 
 use std::collections::BTreeMap;
 
@@ -13,19 +13,19 @@ fn slow(points: &[Vec3], voxel_m: f64) -> Vec<u32> {
             continue;
         }
         let distance = squared_distance_to_centre(point, voxel_m);
-        let held = best
+        let nearest = best
             .entry(voxel_key(point, voxel_m))
             .or_insert((distance, index));
-        if distance < held.0 {
-            *held = (distance, index);
+        if distance < nearest.0 {
+            *nearest = (distance, index);
         }
     }
-    let mut kept: Vec<u32> = best.into_values().map(|(_, index)| index).collect();
-    kept.sort_unstable();
-    kept
+    let mut indices: Vec<u32> = best.into_values().map(|(_, index)| index).collect();
+    indices.sort_unstable();
+    indices
 }
 
-/// `n` points in the box from −½ to ½ of `extent_m`, about `centre`; the same ones each time.
+/// `n` pseudo-random points in a box of size `extent_m` about `centre`, the same in every run.
 fn scattered(n: u64, centre: Vec3, extent_m: Vec3) -> Vec<Vec3> {
     let part = |k: u64| {
         let mixed = k.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
@@ -46,8 +46,8 @@ fn in_order(mut points: Vec<Vec3>) -> Vec<Vec3> {
 }
 
 #[test]
-fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
-    // Several chunks and buckets, which small clouds do not have.
+fn large_clouds_are_thinned_as_defined_with_any_number_of_threads() {
+    // Enough for several chunks and buckets.
     let n = 150_000;
     let utm = Vec3::new(362_328.5, 5_157_700.25, 108.5);
     let surface = Vec3::new(3.0, 3.0, 0.01);
@@ -65,7 +65,7 @@ fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
         ),
     ];
     for (name, mut points) in clouds {
-        // Every voxel of the first third occurs again.
+        // Every voxel of the first third contains another point further on.
         for i in 0..points.len() / 3 {
             let place = points.len() - 1 - i;
             points[place] = points[i] + Vec3::new(1e-4, -1e-4, 1e-4);
@@ -74,17 +74,20 @@ fn large_clouds_are_thinned_as_defined_at_any_number_of_threads() {
             let expected = slow(&points, voxel_m);
             for threads in [1, 2, 5] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
-                let found = pool.build().unwrap().install(|| thin(&points, voxel_m));
-                assert!(found == expected, "{name}, {voxel_m} m, {threads} threads");
+                let indices = pool.build().unwrap().install(|| thin(&points, voxel_m));
+                assert!(
+                    indices == expected,
+                    "{name}, {voxel_m} m, {threads} threads"
+                );
             }
-            let found = thin_by(&points, voxel_m, |_| 7);
-            assert!(found == expected, "{name}, {voxel_m} m, by group");
+            let indices = thin_by(&points, voxel_m, |_| 7);
+            assert!(indices == expected, "{name}, {voxel_m} m, by group");
         }
     }
 }
 
 #[test]
-fn of_equally_near_points_the_first_is_kept() {
+fn the_first_of_equally_near_points_is_kept() {
     // Mirror images about the centres of two voxels, alternating, in many chunks.
     let offsets = [0.25, -0.25].map(|x| Vec3::new(x, 0.125, 0.0));
     let points: Vec<Vec3> = (0..200_000)
@@ -97,8 +100,8 @@ fn of_equally_near_points_the_first_is_kept() {
 }
 
 #[test]
-fn distances_that_differ_only_in_f64_decide() {
-    // 0.25² + ε is the same f32 for all of these.
+fn distances_that_are_equal_in_f32_are_compared_in_f64() {
+    // 0.25² + ε rounds to the same f32 for all of these.
     let at = |steps: i32| Vec3::new(0.75 + f64::from(steps) * 1e-12, 0.5, 0.5);
     assert_eq!(thin(&[at(3), at(2), at(5)], 1.0), [1]);
     assert_eq!(thin(&[at(1), at(2), at(1), at(0), at(0)], 1.0), [3]);
@@ -107,8 +110,8 @@ fn distances_that_differ_only_in_f64_decide() {
 }
 
 #[test]
-fn borders_are_those_of_the_division() {
-    // Multiples of the edge and the adjacent floating-point numbers, far from zero as well.
+fn the_borders_of_voxels_are_where_the_division_rounds_to_whole_numbers() {
+    // Multiples of the edge length and the adjacent floating-point numbers, near zero and far from it.
     for voxel_m in [0.1, 0.005, 0.3, 1.0 / 3.0] {
         for far in [0.0f64, 5_157_700.0, -362_328.0] {
             let points: Vec<Vec3> = (-500..500)
@@ -156,7 +159,7 @@ fn voxels_may_be_far_larger_or_smaller_than_the_cloud() {
         .min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)))
         .unwrap();
     assert_eq!(thin(&points, 1e6), [nearest.1]);
-    // Eight voxels for all points: none of their tables may grow with the points.
+    // All points lie in eight voxels: no table may grow with the number of points.
     assert_eq!(thin(&points, 50.0), slow(&points, 50.0));
     assert!(thin(&points, 1e-9).into_iter().eq(0..300_000));
     assert_eq!(thin(&points[..1], 0.1), [0]);
@@ -165,16 +168,16 @@ fn voxels_may_be_far_larger_or_smaller_than_the_cloud() {
 
 #[test]
 fn tables_grow_with_the_voxels_in_them() {
-    // One bucket of many voxels, as from a poor hash; it was allocated for fewer.
+    // One bucket with more voxels than it was allocated for, as after a poor hash.
     let entries: Vec<(u64, u64)> = (0..100_000).map(|i| (i * 8, i)).collect();
     let mut table = thinning::Table::new();
     table.clear(3);
     let place = |key: u64| key.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     for round in 0..2 {
         for (key, rating) in &entries {
-            let held = table.rating_mut(*key, place);
+            let stored = table.rating_mut(*key, place);
             if round == 0 {
-                *held = *rating;
+                *stored = *rating;
                 table.count_added(place);
             }
             assert_eq!(*table.rating_mut(*key, place), *rating);

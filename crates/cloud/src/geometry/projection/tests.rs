@@ -5,8 +5,8 @@ fn utm(zone: u32) -> Projection {
     Projection::new(&format!("EPSG:{}", 32600 + zone)).unwrap()
 }
 
-/// Series of the convergence of the transverse Mercator projection in the difference of longitude
-/// from its central meridian; terms of the fifth order end at 1e-10 rad for 3°.
+/// Meridian convergence of the transverse Mercator projection as a series in the longitude from the
+/// central meridian, up to the fifth order: accurate to 1e-10 rad at 3°.
 fn utm_convergence_rad(latitude: f64, from_meridian: f64) -> f64 {
     let (s, c) = latitude.sin_cos();
     let t2 = (s / c).powi(2);
@@ -19,7 +19,7 @@ fn utm_convergence_rad(latitude: f64, from_meridian: f64) -> f64 {
 }
 
 #[test]
-fn the_convergence_is_that_of_the_closed_form() {
+fn the_convergence_agrees_with_its_series() {
     let system = utm(32);
     for latitude_deg in [-60.0f64, -20.0, 0.0, 35.0, 50.7, 70.0] {
         for from_meridian_deg in [-3.0f64, -1.3, 0.0, 0.01, 2.0, 3.0] {
@@ -35,7 +35,7 @@ fn the_convergence_is_that_of_the_closed_form() {
             );
         }
     }
-    // East of the central meridian of the north, grid north lies east of true north.
+    // East of the central meridian on the northern hemisphere, grid north lies east of true north.
     let point = system.project(0.9, 10f64.to_radians()).unwrap();
     assert!(point.convergence_rad > 0.0);
     // True north then points west of grid north.
@@ -46,7 +46,7 @@ fn the_convergence_is_that_of_the_closed_form() {
 /// `get_factors`; with `+ellps=GRS80` for EPSG:26910, because PROJ computes `+datum=NAD83` on the ellipsoid of
 /// WGS 84.
 #[test]
-fn coordinates_convergence_and_scale_are_those_of_proj() {
+fn coordinates_convergence_and_scale_agree_with_proj() {
     let table = include_str!("../../../../../tests/data/projection/pyproj.csv");
     let mut count = 0;
     for line in table.lines().skip(1) {
@@ -81,7 +81,7 @@ fn errors_name_their_cause() {
         // A German system on the ellipsoid of Bessel, Web Mercator on a sphere.
         ("EPSG:31467", "no datum shift"),
         ("EPSG:3857", "its ellipsoid"),
-        // Israel: GRS 80, but shifted.
+        // Israel: GRS 80, but with a datum shift.
         ("EPSG:2039", "towgs84=-48,55,52,0,0,0,0`: a datum shift"),
         ("EPSG:5555", "`+vunits=m`: a vertical system"),
         // Feet.
@@ -137,7 +137,7 @@ fn places_outside_a_system_are_refused() {
     }
 }
 
-/// Strings come from files of users: the library must not panic on any.
+/// The strings come from files of users: the library must not panic on any of them.
 #[test]
 fn damaged_strings_are_refused_or_read() {
     let valid =

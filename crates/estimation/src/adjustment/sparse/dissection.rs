@@ -19,9 +19,12 @@ pub fn nested_dissection(later: &[Vec<u32>], sizes: &[usize]) -> Vec<usize> {
     }
     let mut others: Vec<Vec<Idx>> = vec![Vec::new(); blocks];
     for (block, later) in later[..blocks].iter().enumerate() {
-        for &other in later.iter().take_while(|&&other| (other as usize) < blocks) {
-            others[block].push(other as Idx);
-            others[other as usize].push(block as Idx);
+        for &neighbour in later
+            .iter()
+            .take_while(|&&neighbour| (neighbour as usize) < blocks)
+        {
+            others[block].push(neighbour as Idx);
+            others[neighbour as usize].push(block as Idx);
         }
     }
     let mut ends: Vec<Idx> = vec![0];

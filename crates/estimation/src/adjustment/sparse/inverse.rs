@@ -65,12 +65,12 @@ impl SelectedInverse {
     /// from its own pivots on.
     fn gather(&self, supernode: usize, separator: &mut [f64]) {
         let structure = &*self.structure;
-        let own = structure.pivots(supernode);
+        let own_pivots = structure.pivots(supernode);
         let (front, front_row) = structure.front(supernode);
-        let first_other = structure.count_before(front, own.end);
+        let first_other = structure.count_before(front, own_pivots.end);
         let (front, front_row) = (&front[first_other..], &front_row[first_other..]);
-        let height = structure.values(supernode).len() / own.len() - own.len();
-        let place = |i: usize| front_row[i] as usize - own.len();
+        let height = structure.values(supernode).len() / own_pivots.len() - own_pivots.len();
+        let place = |i: usize| front_row[i] as usize - own_pivots.len();
         let mut runs = Vec::new();
         let mut first = 0;
         while first < front.len() {
@@ -169,19 +169,19 @@ fn invert_supernode(
 ) {
     let (seq, pivots) = (Par::Seq, l.ncols());
     let (l_own, l_others) = l.split_at_row(pivots);
-    let (mut own, mut y) = workspace.split_at_row_mut(pivots);
+    let (mut l_inverse, mut y) = workspace.split_at_row_mut(pivots);
     let (mut z_own, mut z_others) = z.split_at_row_mut(pivots);
     y.copy_from(l_others);
     solve_upper_triangular_in_place(l_own.transpose(), y.rb_mut().transpose_mut(), seq);
-    invert_lower_triangular(own.rb_mut(), l_own, seq);
-    let (own, y) = (own.rb(), y.rb());
+    invert_lower_triangular(l_inverse.rb_mut(), l_own, seq);
+    let (l_inverse, y) = (l_inverse.rb(), y.rb());
     matmul(&mut z_others, Accum::Replace, separator, y, -1.0, seq);
     let mut lower = |accum, (a, of_a), (b, of_b), factor| {
         let whole = TriangularLower;
         triangular::matmul(&mut z_own, whole, accum, a, of_a, b, of_b, factor, seq);
     };
-    let inverse = (own.transpose(), TriangularUpper);
-    lower(Accum::Replace, inverse, (own, TriangularLower), 1.0);
+    let inverse = (l_inverse.transpose(), TriangularUpper);
+    lower(Accum::Replace, inverse, (l_inverse, TriangularLower), 1.0);
     let by_others = (y.transpose(), Rectangular);
     lower(Accum::Add, by_others, (z_others.rb(), Rectangular), -1.0);
     for j in 0..pivots {

@@ -90,10 +90,10 @@ impl BlockPattern {
                     if later.len() == blocks - 1 - block {
                         break;
                     }
-                    for &other in &self.members[start..end] {
-                        if listed[other as usize] != block + 1 {
-                            listed[other as usize] = block + 1;
-                            later.push(other);
+                    for &member in &self.members[start..end] {
+                        if listed[member as usize] != block + 1 {
+                            listed[member as usize] = block + 1;
+                            later.push(member);
                         }
                     }
                 }

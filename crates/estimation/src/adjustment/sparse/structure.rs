@@ -200,8 +200,8 @@ fn sums(values: impl Iterator<Item = usize>) -> Vec<usize> {
 fn coupled_positions(position: &[usize], later: &[Vec<u32>]) -> Lists {
     let mut rows: Vec<_> = (0..position.len()).map(|at| vec![at as u32]).collect();
     for (block, later) in later.iter().enumerate() {
-        for &other in later {
-            let (a, b) = (position[block], position[other as usize]);
+        for &coupled in later {
+            let (a, b) = (position[block], position[coupled as usize]);
             rows[a.min(b)].push(a.max(b) as u32);
         }
     }

@@ -120,8 +120,8 @@ fn add(
     }
 }
 
-fn assert_near(found: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str) {
-    let error = (found - expected).norm() / expected.norm();
+fn assert_near(computed: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str) {
+    let error = (computed - expected).norm() / expected.norm();
     assert!(error < 1e-10, "{what}: relative error {error:e}");
 }
 
@@ -147,9 +147,9 @@ fn products_and_solutions_agree_with_dense_algebra() {
 
         let factor = case.factor();
         let inverse = case.inverse();
-        let mut found = sides.clone();
-        factor.solve(found.as_mut_slice(), 3);
-        assert_near(&found, &(&inverse * &sides), "solution");
+        let mut solution = sides.clone();
+        factor.solve(solution.as_mut_slice(), 3);
+        assert_near(&solution, &(&inverse * &sides), "solution");
     }
 }
 
@@ -160,9 +160,9 @@ fn any_structure_is_solved() {
         let constants = seed as usize % 3 % blocks;
         let mut case = Case::with_factors(seed, blocks, constants, seed as usize % 23);
         let sides = case.sides(1);
-        let mut found = sides.clone();
-        case.factor().solve(found.as_mut_slice(), 1);
-        assert_near(&(&case.dense * found), &sides, "right-hand side");
+        let mut solution = sides.clone();
+        case.factor().solve(solution.as_mut_slice(), 1);
+        assert_near(&(&case.dense * solution), &sides, "right-hand side");
     }
 }
 
@@ -176,13 +176,13 @@ fn selected_inverse_is_the_inverse_where_the_factor_has_entries() {
                 let (i, j) = (case.system.offset(a), case.system.offset(b));
                 let size = (case.sizes[a], case.sizes[b]);
                 let coupled = case.dense.view((i, j), size).iter().any(|x| *x != 0.0);
-                let found = selected.block(a, b);
+                let entries = selected.block(a, b);
                 assert!(
-                    found.is_some() || !coupled,
+                    entries.is_some() || !coupled,
                     "blocks {a} and {b} are coupled"
                 );
-                if let Some(found) = found {
-                    let error = (found - inverse.view((i, j), size)).norm();
+                if let Some(entries) = entries {
+                    let error = (entries - inverse.view((i, j), size)).norm();
                     assert!(
                         error < 1e-10 * inverse.norm(),
                         "blocks {a} and {b}: {error:e}"
@@ -203,11 +203,11 @@ fn requested_blocks_alone_have_the_same_covariance() {
         let some = factor.selected_inverse(is_requested);
         for a in 0..case.sizes.len() {
             for b in 0..case.sizes.len() {
-                let found = some.block(a, b);
+                let entries = some.block(a, b);
                 if is_requested(a) && is_requested(b) {
-                    assert_eq!(found, all.block(a, b), "blocks {a} and {b}");
+                    assert_eq!(entries, all.block(a, b), "blocks {a} and {b}");
                 }
-                withheld += usize::from(found.is_none() && all.block(a, b).is_some());
+                withheld += usize::from(entries.is_none() && all.block(a, b).is_some());
             }
         }
     }
@@ -227,9 +227,9 @@ fn damping_is_added_to_the_diagonal_and_memory_is_used_again() {
     let expected = Cholesky::new(damped)
         .expect("positive definite")
         .solve(&sides);
-    let mut found = sides.clone();
-    factor.solve(found.as_mut_slice(), 1);
-    assert_near(&found, &expected, "damped solution");
+    let mut solution = sides.clone();
+    factor.solve(solution.as_mut_slice(), 1);
+    assert_near(&solution, &expected, "damped solution");
 
     case.system.gradient_mut().copy_from_slice(sides.as_slice());
     assert_eq!(case.system.gradient(), sides.as_slice());
@@ -241,9 +241,9 @@ fn damping_is_added_to_the_diagonal_and_memory_is_used_again() {
     case.system
         .factorise_into(&ones, &mut factor)
         .expect("the identity");
-    let mut found = sides.clone();
-    factor.solve(found.as_mut_slice(), 1);
-    assert_eq!(found, sides);
+    let mut solution = sides.clone();
+    factor.solve(solution.as_mut_slice(), 1);
+    assert_eq!(solution, sides);
 }
 
 #[test]

@@ -40,11 +40,14 @@ fn solution_agrees_with_dense_cholesky() {
         let factor = case.factor().expect("positive definite");
         let dense = case.h.clone().cholesky().expect("positive definite");
         let dense = dense.solve(&case.g);
-        let found = case.solve();
-        let (nodes, segments) = (found.nodes.as_flattened(), found.segments.as_flattened());
-        let found = [nodes, segments, &found.border].concat();
-        assert_eq!(found.len(), dense.len());
-        for (i, x) in found.iter().enumerate() {
+        let solution = case.solve();
+        let (nodes, segments) = (
+            solution.nodes.as_flattened(),
+            solution.segments.as_flattened(),
+        );
+        let unknowns = [nodes, segments, &solution.border].concat();
+        assert_eq!(unknowns.len(), dense.len());
+        for (i, x) in unknowns.iter().enumerate() {
             assert!((x - dense[i]).abs() < TOLERANCE * dense.amax(), "{i}");
         }
         let decrement = case.g.dot(&dense);
@@ -65,15 +68,15 @@ fn marginals_agree_with_dense_inverse() {
             assert_eq!(joint.cross.len(), STEP * n);
             for (a, row) in joint.unknowns.iter().enumerate() {
                 let place = case.place(step, a);
-                for (b, found) in row.iter().enumerate() {
+                for (b, computed) in row.iter().enumerate() {
                     let expected = dense[(place, case.place(step, b))];
-                    assert!((found - expected).abs() < tolerance, "{step} {a} {b}");
+                    assert!((computed - expected).abs() < tolerance, "{step} {a} {b}");
                 }
                 for c in 0..n {
                     let expected = dense[(place, case.border_at(c))];
-                    let found = joint.cross[a * n + c];
+                    let computed = joint.cross[a * n + c];
                     assert!(
-                        (found - expected).abs() < tolerance,
+                        (computed - expected).abs() < tolerance,
                         "{step} {a} border {c}"
                     );
                 }
@@ -173,8 +176,8 @@ fn a_border_that_touches_nothing_changes_nothing() {
         (beside.nodes, beside.segments)
     );
     let expected = [-1.0, -2.0];
-    for (found, expected) in beside.border.iter().zip(expected) {
-        assert!((found - expected).abs() < TOLERANCE);
+    for (computed, expected) in beside.border.iter().zip(expected) {
+        assert!((computed - expected).abs() < TOLERANCE);
     }
 }
 

@@ -289,33 +289,33 @@ fn solved() -> (Problem, State, ChainFactor) {
 
 #[test]
 fn a_pose_and_a_patch_in_the_border_are_solved_as_by_dense_algebra() {
-    let (problem, found, _) = solved();
+    let (problem, solution, _) = solved();
     let (_, mut dense) = self::problem();
     for _ in 0..90 {
         let (h, g) = dense_system(&problem, &dense);
         let step = h.cholesky().expect("positive definite").solve(&g);
         dense = problem.retracted(&dense, &dense_step(step.as_slice()));
     }
-    let (a, b) = (&found.mounting.value, &dense.mounting.value);
+    let (a, b) = (&solution.mounting.value, &dense.mounting.value);
     let mut apart = [0.0; 6];
     a.step_from(b, &mut apart);
     assert!(apart.iter().all(|x| x.abs() < 1e-9), "{apart:?}");
-    assert!((found.patch.value - dense.patch.value).norm() < 1e-9);
-    for (a, b) in found.nodes.iter().zip(&dense.nodes) {
+    assert!((solution.patch.value - dense.patch.value).norm() < 1e-9);
+    for (a, b) in solution.nodes.iter().zip(&dense.nodes) {
         assert!((a - b).norm() < 1e-9);
     }
 }
 
 #[test]
 fn the_cost_is_flat_at_the_solution() {
-    let (problem, found, _) = solved();
+    let (problem, solution, _) = solved();
     // Central differences of 1e-4 carry an error of about 1e-8 of the third derivative.
     let h = 1e-4;
     for column in 0..ALL {
         let cost = |h: f64| {
             let mut x = vec![0.0; ALL];
             x[column] = h;
-            problem.cost(&problem.retracted(&found, &dense_step(&x)))
+            problem.cost(&problem.retracted(&solution, &dense_step(&x)))
         };
         let slope = (cost(h) - cost(-h)) / (2.0 * h);
         assert!(slope.abs() < 1e-6, "{column}: {slope}");
@@ -324,24 +324,24 @@ fn the_cost_is_flat_at_the_solution() {
 
 #[test]
 fn covariances_and_redundancies_are_those_of_dense_algebra() {
-    let (problem, found, mut factor) = solved();
+    let (problem, solution, mut factor) = solved();
     problem
-        .factorise(&found, 0.0, &mut factor)
+        .factorise(&solution, 0.0, &mut factor)
         .expect("positive definite");
-    let (h, _) = dense_system(&problem, &found);
+    let (h, _) = dense_system(&problem, &solution);
     let dense = h.try_inverse().expect("regular");
     let border = factor.border_covariance();
     let difference = &border - dense.view((CHAIN, CHAIN), (9, 9));
     assert!(difference.amax() < 1e-9 * border.amax());
-    let rows = dense_rows(&problem, &found);
+    let rows = dense_rows(&problem, &solution);
     let mut steps: Vec<Vec<f64>> = Vec::new();
     factor.marginals(|step, marginal| {
         let covariance = marginal.joint();
-        let mut own = Vec::new();
-        problem.rows(&found, step, |_, rows| {
-            own.extend(covariance.redundancies(&rows, &border));
+        let mut of_step = Vec::new();
+        problem.rows(&solution, step, |_, rows| {
+            of_step.extend(covariance.redundancies(&rows, &border));
         });
-        steps.push(own);
+        steps.push(of_step);
     });
     let redundancies = steps.into_iter().rev().flatten();
     for ((row, _), redundancy) in rows.iter().zip(redundancies) {

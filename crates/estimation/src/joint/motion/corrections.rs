@@ -154,10 +154,10 @@ impl Motion for CorrectedPoses {
             .rows(step, places.first_block, places.first_group, batch);
     }
 
-    fn moved(&self, own: &[f64], _constants: &[f64]) -> Box<dyn Motion> {
+    fn moved(&self, step: &[f64], _constants: &[f64]) -> Box<dyn Motion> {
         let mut moved = self.clone();
         let values = moved.process.value.iter_mut();
-        values.zip(own).for_each(|(x, d)| *x += d);
+        values.zip(step).for_each(|(x, d)| *x += d);
         Box::new(moved)
     }
 
@@ -173,9 +173,12 @@ impl Motion for CorrectedPoses {
         let poses = self.poses.poses().iter().map(|pose| {
             let mut record = self.corrected(pose);
             let (knot, u) = self.process.locate(pose.time_s);
-            if let Some(of) = covariance
-                && let (Some(a), Some(b), Some(c)) =
-                    (of(knot, knot), of(knot + 1, knot + 1), of(knot, knot + 1))
+            if let Some(block) = covariance
+                && let (Some(a), Some(b), Some(c)) = (
+                    block(knot, knot),
+                    block(knot + 1, knot + 1),
+                    block(knot, knot + 1),
+                )
             {
                 let (v, w) = (1.0 - u, u);
                 let all = a * (v * v) + b * (w * w) + (&c + c.transpose()) * (v * w);

@@ -109,12 +109,14 @@ impl GaussMarkov {
         };
         let candidates: Vec<usize> = knots.filter(|&k| is_candidate(k)).collect();
         let mut worst = None;
-        let mut consider = |steps: &[f64], other: Option<&[f64]>| {
-            let step = |k: usize| (steps[k] - other.map_or(0.0, |other| other[k])).abs();
+        let mut consider = |steps: &[f64], reference: Option<&[f64]>| {
+            let step =
+                |k: usize| (steps[k] - reference.map_or(0.0, |reference| reference[k])).abs();
             let Some(typical) = median(candidates.iter().map(|&k| step(k))) else {
                 return;
             };
-            let is_larger = |k: usize| other.is_none_or(|other| steps[k].abs() > other[k].abs());
+            let is_larger =
+                |k: usize| reference.is_none_or(|reference| steps[k].abs() > reference[k].abs());
             for &k in candidates
                 .iter()
                 .filter(|&&k| step(k) > LEAST_JUMP && is_larger(k))

@@ -59,7 +59,7 @@ pub trait Motion: Send + Sync {
     fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch);
 
     /// The motion after a step of its own blocks (one after the other) and of its constants.
-    fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion>;
+    fn moved(&self, step: &[f64], constants: &[f64]) -> Box<dyn Motion>;
 
     /// Uncertainty of the start values of the own blocks, the unit of the damping.
     fn damping_sigma(&self) -> Vec<f64>;

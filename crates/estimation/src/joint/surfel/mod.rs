@@ -121,16 +121,16 @@ impl DriveRows {
 
     /// Keeps the rows for which `surfel`, given a step and a row, returns the new index of the row's surfel.
     fn retain(&mut self, surfel: impl Fn(usize, &ScanRow) -> Option<u32>) {
-        let mut kept = Vec::with_capacity(self.rows.len());
+        let mut rows = Vec::with_capacity(self.rows.len());
         let mut step_start = vec![0];
         for step in 0..self.step_start.len() - 1 {
-            kept.extend(self.of_step(step).iter().filter_map(|row| {
+            rows.extend(self.of_step(step).iter().filter_map(|row| {
                 let surfel = surfel(step, row)?;
                 Some(ScanRow { surfel, ..*row })
             }));
-            step_start.push(kept.len() as u32);
+            step_start.push(rows.len() as u32);
         }
-        self.rows = kept;
+        self.rows = rows;
         self.step_start = step_start;
     }
 

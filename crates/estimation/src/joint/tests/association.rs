@@ -27,16 +27,16 @@ fn depth_m(problem: &JointProblem<'_>, state: &State, step: usize, row: &ScanRow
 /// Residuals of the scan rows, metres, one point after the other; the points were sorted at `start`.
 fn one_by_one(problem: &JointProblem<'_>, start: &State, state: &State) -> Vec<f64> {
     let motion = state.motions[0].as_ref();
-    let found = &problem.association.drives[0];
+    let drive = &problem.association.drives[0];
     let samples = &problem.input.drives[0].scans.samples;
     let mut all = Vec::new();
     for step in 0..motion.steps() {
         let poses = motion.poses(step);
-        for row in found.of_step(step) {
+        for row in drive.of_step(step) {
             let scanner = row.scanner as usize;
             let surfel = &problem.association.surfels[row.surfel as usize];
             let shape = state.shapes[row.surfel as usize];
-            let distances = found.points_of(row).iter().map(|point| {
+            let distances = drive.points_of(row).iter().map(|point| {
                 let profile = &samples[scanner].profiles[point.profile as usize];
                 let pose = poses.at(profile.time_s - state.late_s[scanner]);
                 let mounting = state.mountings[scanner].body_from_scanner;
@@ -46,7 +46,7 @@ fn one_by_one(problem: &JointProblem<'_>, start: &State, state: &State) -> Vec<f
                     .map(|axis| axis.dot(&(world_m - surfel.centre_m)));
                 point.weight * (n - (shape.x + shape.y * u + shape.z * v))
             });
-            let weight: f64 = found.points_of(row).iter().map(|point| point.weight).sum();
+            let weight: f64 = drive.points_of(row).iter().map(|point| point.weight).sum();
             let [before_m, now_m] = [start, state].map(|state| depth_m(problem, state, step, row));
             all.push(distances.sum::<f64>() / weight * before_m / now_m);
         }
@@ -106,7 +106,7 @@ fn moments(points: &[&Point]) -> (Vec3, Mat3) {
 /// Sets of voxels that hold one surface: each pair of voxels is tested whether one continues the other, and
 /// connected voxels form a set.
 fn surfaces(cells: &BTreeMap<VoxelKey, Vec<&Point>>) -> Vec<BTreeSet<VoxelKey>> {
-    let of = |key: &VoxelKey| cells.get(key).and_then(|points| normal_axis(points));
+    let normal_of = |key: &VoxelKey| cells.get(key).and_then(|points| normal_axis(points));
     let scanned = |key: &VoxelKey| {
         cells
             .get(key)
@@ -124,14 +124,14 @@ fn surfaces(cells: &BTreeMap<VoxelKey, Vec<&Point>>) -> Vec<BTreeSet<VoxelKey>> 
             let across = |axis: &usize| {
                 [-1, 1].iter().any(|&by| {
                     let next = moved(key, *axis, by);
-                    scanned(&next) && of(&next) == Some(*axis)
+                    scanned(&next) && normal_of(&next) == Some(*axis)
                 })
             };
-            Some((*key, of(key).or_else(|| (0..3).rev().find(across))?))
+            Some((*key, normal_of(key).or_else(|| (0..3).rev().find(across))?))
         })
         .collect();
     let mut left: BTreeSet<VoxelKey> = axis.keys().copied().collect();
-    let mut found = Vec::new();
+    let mut surfaces = Vec::new();
     while let Some(first) = left.pop_first() {
         let mut members = BTreeSet::from([first]);
         loop {
@@ -146,9 +146,9 @@ fn surfaces(cells: &BTreeMap<VoxelKey, Vec<&Point>>) -> Vec<BTreeSet<VoxelKey>> 
             left.remove(&next);
             members.insert(next);
         }
-        found.push(members);
+        surfaces.push(members);
     }
-    found
+    surfaces
 }
 
 #[test]
@@ -226,16 +226,16 @@ fn surfels_and_rows_are_those_of_a_loop_over_all_points() {
             }
         }
 
-        let found = case.associated(&input, misfit_m);
-        assert_eq!(found.surfels.len(), expected.len());
+        let association = case.associated(&input, misfit_m);
+        assert_eq!(association.surfels.len(), expected.len());
         assert!(expected.len() > 40, "{}", expected.len());
         let mut rows_of: Vec<Vec<(u32, u32, u32)>> = vec![Vec::new(); expected.len()];
         for step in 0..motion.steps() {
-            for row in found.drives[0].of_step(step) {
+            for row in association.drives[0].of_step(step) {
                 rows_of[row.surfel as usize].push((step as u32, row.scanner, row.count));
             }
         }
-        for (surfel, mut rows) in found.surfels.iter().zip(rows_of) {
+        for (surfel, mut rows) in association.surfels.iter().zip(rows_of) {
             rows.sort_unstable();
             let near = expected
                 .iter()
@@ -254,16 +254,18 @@ fn between_keyframes_a_scanner_has_no_rows() {
     let case = Case::full();
     let input = case.input();
     let all = case.associated(&input, 0.002);
-    let found = case.associated_at(&input, 0.002, vec![1, 4]);
-    let rows_of = |step: usize, scanner: u32, of: &Association| {
-        let rows = of.drives[0].of_step(step).iter();
+    let association = case.associated_at(&input, 0.002, vec![1, 4]);
+    let rows_of = |step: usize, scanner: u32, association: &Association| {
+        let rows = association.drives[0].of_step(step).iter();
         rows.filter(|row| row.scanner == scanner).count()
     };
     let steps = all.drives[0].step_start.len() - 1;
     let mut with_rows = 0;
     for first in (0..steps).step_by(4) {
         let window = first..(first + 4).min(steps);
-        let keyframes = window.clone().filter(|&step| rows_of(step, 1, &found) > 0);
+        let keyframes = window
+            .clone()
+            .filter(|&step| rows_of(step, 1, &association) > 0);
         assert!(keyframes.clone().count() <= 1);
         for keyframe in keyframes {
             with_rows += 1;
@@ -272,6 +274,10 @@ fn between_keyframes_a_scanner_has_no_rows() {
         }
     }
     assert!(with_rows > 2, "{with_rows} keyframes");
-    let of_left = |of: &Association| (0..steps).map(|step| rows_of(step, 0, of)).sum::<usize>();
-    assert!(of_left(&found) > of_left(&all) * 9 / 10);
+    let of_left = |association: &Association| {
+        (0..steps)
+            .map(|step| rows_of(step, 0, association))
+            .sum::<usize>()
+    };
+    assert!(of_left(&association) > of_left(&all) * 9 / 10);
 }

@@ -63,9 +63,9 @@ fn learned(bends: &Bends) -> Motion {
     (sigma, process.correlation_s, bends.together)
 }
 
-fn assert_near(found: f64, expected: f64, share: f64, what: &str) {
-    let is_near = (found / expected).ln().abs() < share;
-    assert!(is_near, "{what}: {found} instead of {expected}");
+fn assert_near(learned: f64, expected: f64, share: f64, what: &str) {
+    let is_near = (learned / expected).ln().abs() < share;
+    assert!(is_near, "{what}: {learned} instead of {expected}");
 }
 
 #[test]
@@ -140,9 +140,9 @@ fn parameters_are_recovered_from_values_observed_with_noise() {
                 let by_scanner = (0..SCANNERS).flat_map(|s| (0..knots).map(move |k| (s, k)));
                 let sides = by_scanner.map(|(s, k)| observed[s][6 * k + i] / noise_size.powi(2));
                 let sides = DVector::from_iterator(SCANNERS * knots, sides);
-                let found = &of_class[i / 3] * sides;
+                let values = &of_class[i / 3] * sides;
                 for (s, process) in bends.knots[0].iter_mut().enumerate() {
-                    (0..knots).for_each(|k| process.value[6 * k + i] = found[s * knots + k]);
+                    (0..knots).for_each(|k| process.value[6 * k + i] = values[s * knots + k]);
                 }
             }
             change = learn_from(&mut bends, &[vec![0, 6 * knots]], &|a, b| {

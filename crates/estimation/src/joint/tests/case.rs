@@ -281,8 +281,8 @@ impl Case {
     /// Logs with constants and correlated errors, a reference, latencies: every kind of row.
     pub fn full() -> Self {
         let constants = [Constant::LeverArm(0), Constant::HeadingOffset];
-        let found = estimated(&constants);
-        let motion = ChainMotion::new(&found.covariance, vec!["prism".into()], &correlated());
+        let estimate = estimated(&constants);
+        let motion = ChainMotion::new(&estimate.covariance, vec!["prism".into()], &correlated());
         Self {
             reference: reference(),
             estimate_latency: vec![true, true],
@@ -293,8 +293,8 @@ impl Case {
 
     /// Logs and scans, nothing else.
     pub fn plain() -> Self {
-        let found = estimated(&[]);
-        let motion = ChainMotion::new(&found.covariance, vec!["prism".into()], &[]);
+        let estimate = estimated(&[]);
+        let motion = ChainMotion::new(&estimate.covariance, vec!["prism".into()], &[]);
         Self::with_motion(Box::new(motion))
     }
 
@@ -406,12 +406,18 @@ impl Case {
 
     /// The problem with all points within 20 mm of their surfels, and its start.
     pub fn problem<'a>(&'a self, input: &'a JointInput<'a>) -> (JointProblem<'a>, State) {
-        let found = self.associated(input, 0.005);
+        let association = self.associated(input, 0.005);
         let mut state = self.state();
-        state.shapes = vec![Vec3::zeros(); found.surfels.len()];
-        state.patches = vec![0.0; found.patches];
+        state.shapes = vec![Vec3::zeros(); association.surfels.len()];
+        state.patches = vec![0.0; association.patches];
         let begin = (&state, Vec::new(), self.surface_m);
-        let problem = JointProblem::new(input, &self.settings, found, Groups::new(input), begin);
+        let problem = JointProblem::new(
+            input,
+            &self.settings,
+            association,
+            Groups::new(input),
+            begin,
+        );
         (problem, state)
     }
 }

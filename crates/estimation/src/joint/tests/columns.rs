@@ -72,52 +72,55 @@ fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
 
 /// Asserts that surfels lie on the plane, keep all of its noise and lose no points.
 fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
-    let found = associated(passes, &[]);
+    let association = associated(passes, &[]);
     // Voxels at the rim are not full.
     let is_inside = |point: &Vec3| (point - origin_m).norm() < 0.3 - 2.0 * SIZE_M;
     let points = passes.iter().flatten().filter(|point| is_inside(point));
-    let rows = &found.drives[0];
+    let rows = &association.drives[0];
     let held = rows.rows.iter().flat_map(|row| rows.points_of(row));
     let held = held.filter(|point| is_inside(&point.position_m)).count();
     let share = held as f64 / points.count() as f64;
-    let (mut kept, mut sum_m) = (0.0, 0.0);
+    let (mut count, mut sum_m) = (0.0, 0.0);
     for row in &rows.rows {
-        let surfel = &found.surfels[row.surfel as usize];
+        let surfel = &association.surfels[row.surfel as usize];
         let n = f64::from(row.count);
-        kept += n;
+        count += n;
         sum_m += n * normal.dot(&(surfel.centre_m - origin_m));
     }
     println!(
         "{:?}: {} surfels hold {share} of the points",
         normal.as_slice(),
-        found.surfels.len()
+        association.surfels.len()
     );
     // Noise beyond four standard deviations is outside the gate, and slices of a few points in corners of
     // voxels are left over: they are cut off across the surface, not along it.
     assert!(share > 0.99, "{share} of the points are in rows");
     // If noise were cut in two, the planes of the halves would be off by 0.8 of it.
-    let mean_m = sum_m / kept;
-    assert!(mean_m.abs() < 4.0 * NOISE_M / kept.sqrt(), "{mean_m} m");
-    for surfel in &found.surfels {
-        let of: f64 = found.drives[0]
+    let mean_m = sum_m / count;
+    assert!(mean_m.abs() < 4.0 * NOISE_M / count.sqrt(), "{mean_m} m");
+    for surfel in &association.surfels {
+        let count: f64 = association.drives[0]
             .rows
             .iter()
-            .filter(|row| std::ptr::eq(&found.surfels[row.surfel as usize], surfel))
+            .filter(|row| std::ptr::eq(&association.surfels[row.surfel as usize], surfel))
             .map(|row| f64::from(row.count))
             .sum();
         let off_m = normal.dot(&(surfel.centre_m - origin_m)).abs();
         assert!(
-            off_m < 5.0 * NOISE_M / of.sqrt(),
-            "{off_m} m with {of} points"
+            off_m < 5.0 * NOISE_M / count.sqrt(),
+            "{off_m} m with {count} points"
         );
         // The variance of n points about a plane scatters by √(2/n).
         let ratio = (surfel.roughness_m / NOISE_M).powi(2);
         assert!(
-            (ratio - 1.0).abs() < 5.0 * (2.0 / of).sqrt(),
-            "{ratio} with {of} points"
+            (ratio - 1.0).abs() < 5.0 * (2.0 / count).sqrt(),
+            "{ratio} with {count} points"
         );
         let tilt = surfel.axes[0].cross(&normal).norm();
-        assert!(tilt < 6.0 * NOISE_M / (of.sqrt() * 0.12 * SIZE_M), "{tilt}");
+        assert!(
+            tilt < 6.0 * NOISE_M / (count.sqrt() * 0.12 * SIZE_M),
+            "{tilt}"
+        );
     }
 }
 
@@ -162,8 +165,8 @@ fn degenerate_points_form_no_surfels() {
         vec![Vec::new(); PASSES],
         vec![vec![Vec3::repeat(0.01); 50]; PASSES],
     ] {
-        let found = associated(&passes, &[]);
-        assert!(found.surfels.is_empty() && found.drives[0].rows.is_empty());
+        let association = associated(&passes, &[]);
+        assert!(association.surfels.is_empty() && association.drives[0].rows.is_empty());
     }
     // A line has no normal.
     let line: Vec<Vec3> = (0..200).map(|i| Vec3::x() * 1e-3 * f64::from(i)).collect();
@@ -188,10 +191,10 @@ fn step_edge(board_m: f64) -> Vec<Vec<Vec3>> {
 #[test]
 fn a_board_above_soil_has_surfels_of_its_own_up_to_its_edge() {
     for board_m in [0.05, 0.10, 0.15] {
-        let found = associated(&step_edge(board_m), &[]);
+        let association = associated(&step_edge(board_m), &[]);
         // The columns of the edge: x from 0 to 50 mm.
         let at_edge = |s: &&crate::joint::surfel::Surfel| (0.0..0.05).contains(&s.centre_m.x);
-        let heights_m: Vec<f64> = found
+        let heights_m: Vec<f64> = association
             .surfels
             .iter()
             .filter(at_edge)
@@ -216,8 +219,8 @@ fn a_board_above_soil_has_surfels_of_its_own_up_to_its_edge() {
 #[test]
 fn a_low_step_within_a_voxel_counts_as_rough() {
     // A step of two centimetres in a voxel of five looks like a ramp; its rows get a matching noise.
-    let found = associated(&step_edge(0.02), &[]);
-    for surfel in &found.surfels {
+    let association = associated(&step_edge(0.02), &[]);
+    for surfel in &association.surfels {
         let off_m = [0.02, 0.04].map(|z| (surfel.centre_m.z - z).abs());
         let on_either = off_m[0] < 1e-3 || off_m[1] < 1e-3;
         assert!(on_either || surfel.scatter_m > 0.004, "{surfel:?}");

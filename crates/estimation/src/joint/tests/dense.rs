@@ -31,13 +31,13 @@ fn rounding(h: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
 }
 
 /// Largest difference of covariances, in the standard deviations of both.
-fn difference(found: &DMatrix<f64>, dense: &DMatrix<f64>, (row, column): (usize, usize)) -> f64 {
+fn difference(computed: &DMatrix<f64>, dense: &DMatrix<f64>, (row, column): (usize, usize)) -> f64 {
     let mut worst = 0.0_f64;
-    for i in 0..found.nrows() {
-        for j in 0..found.ncols() {
+    for i in 0..computed.nrows() {
+        for j in 0..computed.ncols() {
             let (a, b) = (row + i, column + j);
             let unit = (dense[(a, a)] * dense[(b, b)]).sqrt();
-            worst = worst.max((found[(i, j)] - dense[(a, b)]).abs() / unit);
+            worst = worst.max((computed[(i, j)] - dense[(a, b)]).abs() / unit);
         }
     }
     worst
@@ -166,8 +166,8 @@ fn redundancies_by_probes_are_those_of_the_projection() {
             exact[dense.groups[i]] += 1.0 - share;
             fitted[dense.groups[i]] += share;
         }
-        let found = components(&problem, &state);
-        for (group, component) in found.iter().enumerate() {
+        let estimated = components(&problem, &state);
+        for (group, component) in estimated.iter().enumerate() {
             // A projection has Σⱼ Aᵢⱼ² = Aᵢᵢ, so that a probe's trace of a group has at most twice the
             // group's trace as variance; 8 probes, four standard deviations.
             let allowed = 4.0 * (2.0 * fitted[group] / 8.0).sqrt() + 1e-6;
@@ -231,11 +231,11 @@ fn scores_of_held_values_are_the_estimates_of_freed_ones() {
 
 #[test]
 fn without_scans_the_result_is_that_of_the_trajectory_alone() {
-    let found = estimated(&[]);
+    let estimate = estimated(&[]);
     let names = vec!["prism".into()];
     let case = Case {
         samples: vec![ScannerSample::default(); 2],
-        motion: Box::new(ChainMotion::new(&found.covariance, names, &[])),
+        motion: Box::new(ChainMotion::new(&estimate.covariance, names, &[])),
         ..Case::plain()
     };
     let input = case.input();
@@ -252,15 +252,15 @@ fn without_scans_the_result_is_that_of_the_trajectory_alone() {
         .factor()
         .expect("factorised")
         .selected_inverse(|_| true);
-    let of = |a: usize, b: usize| inverse.block(a, b);
-    let records = state.motions[0].records(Some(&of));
-    let expected = found.trajectory.poses();
+    let covariance = |a: usize, b: usize| inverse.block(a, b);
+    let records = state.motions[0].records(Some(&covariance));
+    let expected = estimate.trajectory.poses();
     assert_eq!(records.len(), expected.len());
-    for (found, expected) in records.iter().zip(expected) {
-        let (turn, shift) = found
+    for (record, expected) in records.iter().zip(expected) {
+        let (turn, shift) = record
             .world_from_body
             .perturbation_from(&expected.world_from_body);
-        let (a, b) = (found.sigma.expect("given"), expected.sigma.expect("given"));
+        let (a, b) = (record.sigma.expect("given"), expected.sigma.expect("given"));
         // Both stop where a further step is a fraction of a thousandth of a standard deviation.
         assert!(shift.amax() < 1e-3 * b.position_m.min(), "{shift}");
         assert!(turn.amax() < 1e-3 * b.rotation_rad.min(), "{turn}");

@@ -41,9 +41,9 @@ fn the_covariance_at_knots_is_that_of_the_process() {
                 for component in 0..2 {
                     let square = sigma[component].powi(2);
                     let expected = square * (-(a - b).abs() / tau_s).exp();
-                    let found = covariance[(2 * i + component, 2 * k + component)];
+                    let computed = covariance[(2 * i + component, 2 * k + component)];
                     // Only rounding.
-                    assert!((found - expected).abs() < 1e-12 * square, "{a} s, {b} s");
+                    assert!((computed - expected).abs() < 1e-12 * square, "{a} s, {b} s");
                     assert_eq!(covariance[(2 * i, 2 * k + 1)], 0.0);
                 }
             }
@@ -57,10 +57,10 @@ fn residuals_are_those_of_the_values() {
     process.value = vec![0.1, -0.2, 0.4, 0.3, -0.6, 1.0];
     let mut batch = RowBatch::default();
     (0..3).for_each(|knot| process.rows(knot, 0, 0, &mut batch));
-    let found: Vec<f64> = batch.rows().map(|row| row.residual).collect();
+    let residuals: Vec<f64> = batch.rows().map(|row| row.residual).collect();
     let expected = jacobian(&process) * nalgebra::DVector::from_vec(process.value.clone());
-    for (found, expected) in found.iter().zip(&expected) {
-        assert!((found - expected).abs() < 1e-12);
+    for (residual, expected) in residuals.iter().zip(&expected) {
+        assert!((residual - expected).abs() < 1e-12);
     }
     // Halfway between two knots, and beyond the last.
     assert!((process.at(0.15, 1) - 0.05).abs() < 1e-12);
@@ -103,8 +103,8 @@ fn a_jump_is_told_from_a_walk() {
 fn a_small_jump_shows_in_the_difference_to_a_process_that_moves_alike() {
     let (mut left, mut right) = (walk(77), walk(77));
     // The individual motion of each is a tenth of the common motion.
-    for (value, own) in right.value.iter_mut().zip(walk(31).value) {
-        *value += 0.1 * own;
+    for (value, individual) in right.value.iter_mut().zip(walk(31).value) {
+        *value += 0.1 * individual;
     }
     assert_eq!(left.jump(&[&right]), None);
     // Poses take a third of the jump from both.
@@ -112,10 +112,10 @@ fn a_small_jump_shows_in_the_difference_to_a_process_that_moves_alike() {
     right.value[120..].iter_mut().for_each(|x| *x -= 4e-4);
     assert_eq!(left.jump(&[]), None);
     assert_eq!(right.jump(&[&left]), None);
-    let found = left
+    let jump = left
         .jump(&[&right])
         .expect("a step of 1.2 mm in the difference");
-    assert_eq!(found.1, 120);
+    assert_eq!(jump.1, 120);
     left.restarts.push(120);
     assert_eq!(left.jump(&[&right]), None);
     assert_eq!(right.jump(&[&left]), None);
@@ -144,8 +144,8 @@ fn processes_together_have_the_correlation_that_they_are_given() {
     // Rows are linear.
     let values: Vec<f64> = processes.iter().flat_map(|p| p.value.clone()).collect();
     let expected = &j * nalgebra::DVector::from_vec(values);
-    for (found, expected) in residuals.iter().zip(&expected) {
-        assert!((found - expected).abs() < 1e-9);
+    for (residual, expected) in residuals.iter().zip(&expected) {
+        assert!((residual - expected).abs() < 1e-9);
     }
     let covariance = j.tr_mul(&j).try_inverse().expect("as many rows as values");
     let at = |s: usize, k: usize, component: usize| 2 * (s * knots + k) + component;
@@ -156,9 +156,9 @@ fn processes_together_have_the_correlation_that_they_are_given() {
                     let alike = if s == t { 1.0 } else { rho[c] };
                     let elapsed_s: f64 = knot_s[k] - knot_s[m];
                     let expected = alike * a[c] * b[c] * (-elapsed_s.abs() / tau_s).exp();
-                    let found = covariance[(at(s, k, c), at(t, m, c))];
+                    let computed = covariance[(at(s, k, c), at(t, m, c))];
                     // Rounding alone.
-                    assert!((found - expected).abs() < 1e-12, "{s} {t} {k} {m} {c}");
+                    assert!((computed - expected).abs() < 1e-12, "{s} {t} {k} {m} {c}");
                 }
             }
         }

@@ -42,11 +42,11 @@ fn standard_deviations_of_points_are_those_of_finite_differences() {
             let known = &known[known.len() / 2];
             let of_step = |step: usize| rows.of_step(step).iter().map(move |row| (step, row));
             let mut all = (0..state.motions[0].steps()).flat_map(of_step);
-            let found = all.find(|(_, row)| {
+            let containing = all.find(|(_, row)| {
                 row.scanner as usize == scanner
                     && rows.points_of(row)[0].position_m == known.in_scanner_m
             });
-            let (step, row) = found.expect("a point of a row");
+            let (step, row) = containing.expect("a point of a row");
             let point = rows.points_of(row)[0];
             let sigmas = covariance.diagonal().map(f64::sqrt);
             let mut jacobian = nalgebra::DMatrix::zeros(3, problem.unknowns());
@@ -93,17 +93,17 @@ fn shares_of_the_prior_are_those_of_dense_algebra() {
     assert_eq!(shares.len(), 12);
     for (parameter, share) in shares.iter().enumerate() {
         let block = problem.layout.mountings[parameter / 6];
-        let own = problem.offset(block) + (parameter + 3) % 6;
+        let unknown = problem.offset(block) + (parameter + 3) % 6;
         let mut expected = 0.0;
         for row in batch.rows() {
             problem.places(&row, &mut places);
             let terms = places
                 .iter()
                 .zip(row.by)
-                .map(|(place, by)| by * covariance[(*place, own)]);
+                .map(|(place, by)| by * covariance[(*place, unknown)]);
             expected += terms.sum::<f64>().powi(2);
         }
-        expected /= covariance[(own, own)];
+        expected /= covariance[(unknown, unknown)];
         println!("{parameter}: {share} of {expected}");
         assert!((share - expected).abs() < 1e-4);
         assert!((0.0..=1.0).contains(share));

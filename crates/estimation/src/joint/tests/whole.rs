@@ -9,21 +9,21 @@ use crate::joint::{Joint, adjust};
 use crate::progress::Silent;
 
 fn adjusted(case: &Case) -> Joint {
-    let found = adjust(&case.input(), &case.settings, SURFEL_M, &Silent).expect("determined");
+    let joint = adjust(&case.input(), &case.settings, SURFEL_M, &Silent).expect("determined");
     // These mountings are rigid.
-    assert!(found.ladder.is_empty(), "{:#?}", found.ladder);
-    found
+    assert!(joint.ladder.is_empty(), "{:#?}", joint.ladder);
+    joint
 }
 
 /// Errors (δp, δφ) of a scanner with their standard deviations.
-fn errors(found: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] {
-    let (turn, shift) = found.mountings[scanner]
+fn errors(joint: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] {
+    let (turn, shift) = joint.mountings[scanner]
         .body_from_scanner
         .perturbation_from(&truth[scanner].body_from_scanner);
     let all = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
     std::array::from_fn(|i| {
         let place = 6 * scanner + i;
-        (all[i], found.covariance[(place, place)].sqrt())
+        (all[i], joint.covariance[(place, place)].sqrt())
     })
 }
 
@@ -39,16 +39,16 @@ fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
         logs.settings.reference.tilt_rad,
     ) = (0.0, 0.0);
     for (name, case) in [("logs", logs), ("poses from a file", Case::from_file())] {
-        let found = adjusted(&case);
-        println!("{name}: {} after {}", found.stop, found.iterations);
-        assert_eq!(found.stop, StopReason::Converged, "{name}");
+        let joint = adjusted(&case);
+        println!("{name}: {} after {}", joint.stop, joint.iterations);
+        assert_eq!(joint.stop, StopReason::Converged, "{name}");
         for scanner in 0..2 {
-            for (i, (error, sigma)) in errors(&found, &truth(), scanner).iter().enumerate() {
+            for (i, (error, sigma)) in errors(&joint, &truth(), scanner).iter().enumerate() {
                 println!("{name}, scanner {scanner}, {i}: {error:e} of {sigma:e}");
                 assert!(error.abs() < 4.0 * sigma, "{name}, {scanner}, {i}");
             }
         }
-        for (late_s, sigma_s) in found.late_s.iter().flatten() {
+        for (late_s, sigma_s) in joint.late_s.iter().flatten() {
             assert!(
                 late_s.abs() < 4.0 * sigma_s,
                 "{name}: {late_s} of {sigma_s}"
@@ -66,16 +66,16 @@ fn the_shift_of_a_reference_is_estimated() {
         .for_each(|point| *point += shift_m);
     case.settings.reference.shift_m = 0.01;
     case.settings.reference.tilt_rad = 0.0;
-    let found = adjusted(&case).reference.expect("a reference");
+    let reference = adjusted(&case).reference.expect("a reference");
     for axis in 0..2 {
-        let error_m = found.shift_m[axis] - shift_m[axis];
-        let sigma_m = found.shift_sigma_m[axis];
+        let error_m = reference.shift_m[axis] - shift_m[axis];
+        let sigma_m = reference.shift_sigma_m[axis];
         println!("axis {axis}: {error_m:e} of {sigma_m:e}");
         assert!(error_m.abs() < 4.0 * sigma_m && sigma_m < 0.005);
     }
     // Its height is held, with the standard deviation of the prior.
-    assert!(found.shift_m.z.abs() < 1e-6);
-    assert!((found.shift_sigma_m.z - 0.01).abs() < 1e-4);
+    assert!(reference.shift_m.z.abs() < 1e-6);
+    assert!((reference.shift_sigma_m.z - 0.01).abs() < 1e-4);
 }
 
 #[test]
@@ -88,9 +88,9 @@ fn the_score_of_a_latency_is_the_same_as_its_estimate() {
         .for_each(|profile| profile.time_s += 5e-4);
     let score = adjusted(&case).late_scores[0].expect("held");
     case.estimate_latency[0] = true;
-    let found = adjusted(&case);
-    assert!(found.late_scores[0].is_none());
-    let (late_s, sigma_s) = found.late_s[0].expect("estimated");
+    let joint = adjusted(&case);
+    assert!(joint.late_scores[0].is_none());
+    let (late_s, sigma_s) = joint.late_s[0].expect("estimated");
     println!("{score:?}, estimated {late_s:e} ± {sigma_s:e}");
     assert!((score.sigma / sigma_s - 1.0).abs() < 0.05);
     // The trust in rows differs a little between the two.
@@ -106,13 +106,13 @@ fn a_fixed_scanner_keeps_its_mounting_to_the_last_bit() {
         ..truth()[1].clone()
     };
     let held = case.mountings[1].body_from_scanner;
-    let found = adjusted(&case);
-    assert_eq!(found.mountings[1].body_from_scanner, held);
-    assert_eq!(found.mountings[1], case.mountings[1]);
-    for (error, sigma) in errors(&found, &truth(), 0) {
+    let joint = adjusted(&case);
+    assert_eq!(joint.mountings[1].body_from_scanner, held);
+    assert_eq!(joint.mountings[1], case.mountings[1]);
+    for (error, sigma) in errors(&joint, &truth(), 0) {
         assert!(error.abs() < 4.0 * sigma, "{error} of {sigma}");
     }
-    for (error, sigma) in errors(&found, &truth(), 1) {
+    for (error, sigma) in errors(&joint, &truth(), 1) {
         assert!(error == 0.0 && sigma < 1e-7, "{error} of {sigma}");
     }
 }
@@ -132,13 +132,13 @@ fn a_fixed_angle_stays_while_the_others_are_estimated() {
             start.convention = convention;
             start.fixed[3 + angle] = true;
             start.body_from_scanner.rotation = rotation_from_euler_deg(convention, angles_deg);
-            let found = adjusted(&case);
-            let rotation = found.mountings[0].body_from_scanner.rotation;
+            let joint = adjusted(&case);
+            let rotation = joint.mountings[0].body_from_scanner.rotation;
             let after_deg = euler_deg_from_rotation(convention, &rotation);
             // Rounding of the conversions, once in each iteration.
             let moved_deg = (after_deg[angle] - held_deg).abs();
             assert!(moved_deg < 1e-11, "{convention:?} {angle}: {moved_deg}");
-            for (i, (error, sigma)) in errors(&found, &truth(), 0).iter().enumerate() {
+            for (i, (error, sigma)) in errors(&joint, &truth(), 0).iter().enumerate() {
                 // In addition to the standard deviation, the sigma that holds the angle.
                 assert!(
                     error.abs() < 4.0 * sigma + 1e-7,
@@ -147,9 +147,9 @@ fn a_fixed_angle_stays_while_the_others_are_estimated() {
             }
             println!(
                 "{convention:?} {angle}: {} after {}",
-                found.stop, found.iterations
+                joint.stop, joint.iterations
             );
-            assert_eq!(found.stop, StopReason::Converged, "{convention:?} {angle}");
+            assert_eq!(joint.stop, StopReason::Converged, "{convention:?} {angle}");
         }
     }
 }
@@ -159,9 +159,9 @@ fn one_thread_and_two_give_the_same_bytes() {
     let case = Case::full();
     let [one, two] = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        let found = pool.expect("threads").install(|| adjusted(&case));
+        let joint = pool.expect("threads").install(|| adjusted(&case));
         // Shortest decimals that read back as the same number: equal text is equal bits.
-        format!("{found:?}")
+        format!("{joint:?}")
     });
     assert!(one == two, "the results differ");
 }

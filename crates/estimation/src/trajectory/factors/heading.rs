@@ -20,13 +20,13 @@ pub struct HeadingFactor {
     pub quantity: Quantity,
     pub value_rad: f64,
     pub sigma_rad: f64,
-    /// Weight that the loss leaves, 0 to 1.
+    /// Weight given by the loss, 0 to 1.
     pub weight: f64,
     /// The clocks that apply to the record.
     pub clocks: Vec<usize>,
 }
 
-/// What a [`HeadingFactor`] compares.
+/// The quantity that a [`HeadingFactor`] compares.
 #[derive(Debug, Clone, Copy)]
 pub enum Quantity {
     /// Grid heading of the body's x axis, clockwise from north.
@@ -35,8 +35,8 @@ pub enum Quantity {
     Pitch(Vec3),
 }
 
-/// Least squared horizontal length that is divided by: nose-up within a milliradian of the vertical
-/// there is no heading.
+/// Smallest squared horizontal length used as a divisor: within a milliradian of the vertical there is
+/// no heading.
 const MIN_HORIZONTAL_SQUARED: f64 = 1e-6;
 
 impl Quantity {
@@ -47,14 +47,15 @@ impl Quantity {
         }
     }
 
-    fn of(&self, world_from_body: &Rotation) -> f64 {
+    /// Its value at this attitude, radians.
+    fn value_rad(&self, world_from_body: &Rotation) -> f64 {
         match self {
             Self::Heading => heading_rad(world_from_body),
             Self::Pitch(baseline) => (world_from_body * baseline).z.clamp(-1.0, 1.0).asin(),
         }
     }
 
-    /// Derivative by the world coordinates of the direction.
+    /// Derivative with respect to the world coordinates of the direction.
     fn gradient(&self, world_from_body: &Rotation) -> Vec3 {
         let x = world_from_body * self.direction();
         let horizontal = (x.x * x.x + x.y * x.y).max(MIN_HORIZONTAL_SQUARED);
@@ -77,10 +78,10 @@ impl HeadingFactor {
             Quantity::Heading => constants.heading_offset_rad.value,
             Quantity::Pitch(_) => 0.0,
         };
-        wrap(self.quantity.of(&at.world_from_body.rotation) - self.value_rad - offset)
+        wrap(self.quantity.value_rad(&at.world_from_body.rotation) - self.value_rad - offset)
     }
 
-    /// r.
+    /// The residual r, radians.
     pub fn residual(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> f64 {
         self.residual_at(constants, &self.propagated(constants, node, bias))
     }

@@ -90,7 +90,7 @@ impl ImuFactor {
         self.whiten(&residual).map(|x| x / scale)
     }
 
-    /// dr by the step's unknowns, before whitening.
+    /// ∂r with respect to the step's unknowns, before whitening.
     pub(super) fn jacobian(
         &self,
         constants: &Constants,
@@ -127,7 +127,7 @@ impl ImuFactor {
         rows
     }
 
-    /// Whitened rows, in standard deviations that are `scale` times those of the IMU's noise.
+    /// Whitened rows; the standard deviations are `scale` times those of the IMU's noise.
     pub fn rows(
         &self,
         constants: &Constants,
@@ -154,7 +154,7 @@ impl ImuFactor {
         rows
     }
 
-    /// ∂r by the magnitude of gravity, before whitening.
+    /// ∂r with respect to the magnitude of gravity, before whitening.
     pub(super) fn gravity_jacobian(&self, from: &NodeState) -> [Vec3; 3] {
         let dt = self.sums.duration_s;
         let up = from.world_from_body.rotation.inverse() * Vec3::z();

@@ -28,23 +28,23 @@ pub struct PositionFactor {
     pub position_m: Vec3,
     /// W with Wᵀ W the inverse of the covariance.
     pub whitener: Mat3,
-    /// Weight that the loss leaves, 0 to 1.
+    /// Weight given by the loss, 0 to 1.
     pub weight: f64,
     /// The clocks that apply to the record.
     pub clocks: Vec<usize>,
 }
 
-/// What is fixed about a position sensor.
+/// The fixed properties of a position sensor.
 #[derive(Debug, Clone, Copy)]
 pub struct PositionSensor {
-    /// World.
+    /// The total station in the world, metres, where it is known.
     pub station_m: Option<Vec3>,
-    /// Upwards in the body frame.
+    /// The upward direction in the body frame.
     pub up: Vec3,
 }
 
 impl PositionSensor {
-    /// The six directions that the amplitudes of the incidence-dependent error multiply.
+    /// The six directions of the incidence-dependent error, one for each amplitude.
     fn incidence_basis(&self, prism_m: &Vec3, world_from_body: &Rotation) -> [Vec3; 6] {
         let station = self.station_m.unwrap_or_default();
         let sight = (prism_m - station).normalize();
@@ -72,18 +72,18 @@ impl PositionFactor {
     }
 
     fn residual_at(&self, sensor: &PositionSensor, constants: &Constants, at: &Propagated) -> Vec3 {
-        let own = &constants.positions[self.sensor];
-        let prism = at.world_from_body.map(&own.lever_arm_m.value);
+        let sensor_constants = &constants.positions[self.sensor];
+        let prism = at.world_from_body.map(&sensor_constants.lever_arm_m.value);
         let mut residual = prism - self.position_m;
-        if own.incidence_m.block().is_some() {
+        if sensor_constants.incidence_m.block().is_some() {
             let basis = sensor.incidence_basis(&prism, &at.world_from_body.rotation);
-            let terms = basis.iter().zip(own.incidence_m.value.iter());
+            let terms = basis.iter().zip(sensor_constants.incidence_m.value.iter());
             residual += terms.map(|(direction, a)| direction * *a).sum::<Vec3>();
         }
         residual
     }
 
-    /// r.
+    /// The residual r, metres.
     pub fn residual(
         &self,
         sensor: &PositionSensor,
@@ -106,7 +106,7 @@ impl PositionFactor {
     }
 
     /// Whitened rows. They neglect that the direction of the incidence-dependent error turns with
-    /// the attitude: its amplitude is millimetres, where the lever arm is decimetres.
+    /// the attitude: its amplitude is millimetres, whereas the lever arm is decimetres.
     pub fn rows(
         &self,
         sensor: &PositionSensor,
@@ -115,8 +115,8 @@ impl PositionFactor {
         bias: &ImuBias,
     ) -> FactorRows<3> {
         let at = self.propagated(constants, node, bias);
-        let own = &constants.positions[self.sensor];
-        let arm = own.lever_arm_m.value;
+        let sensor_constants = &constants.positions[self.sensor];
+        let arm = sensor_constants.lever_arm_m.value;
         let raw = self.propagation.position_jacobian(&at, node, bias, &arm);
         let w = self.whitener;
         let residual = w * self.residual_at(sensor, constants, &at);
@@ -131,11 +131,11 @@ impl PositionFactor {
             }
         }
         let rotation = &at.world_from_body.rotation;
-        if let Some(block) = own.lever_arm_m.block() {
+        if let Some(block) = sensor_constants.lever_arm_m.block() {
             let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
             rows.touch(block, axes.map(|axis| column(rotation * axis)));
         }
-        if let Some(block) = own.incidence_m.block() {
+        if let Some(block) = sensor_constants.incidence_m.block() {
             let basis = sensor.incidence_basis(&at.world_from_body.map(&arm), rotation);
             rows.touch(block, basis.map(column));
         }

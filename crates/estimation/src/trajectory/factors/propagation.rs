@@ -1,4 +1,4 @@
-//! Where the body is at a record that lies after its node.
+//! The motion of the body at a record that lies after its node.
 
 use super::jacobian::{Jacobian, matrix, put};
 use crate::adjustment::STEP;
@@ -8,8 +8,8 @@ use crate::sensor::{ImuBias, ImuSample};
 use crate::trajectory::motion_sums::{Corrected, MotionSums};
 use crate::trajectory::states::{ACCEL, ATTITUDE, GYRO, NodeState, POSITION, VELOCITY};
 
-/// The motion from a node to a record, by the IMU, and on by the small time δ by which the clock of
-/// the record's sensor is estimated to be late:
+/// The motion from a node to a record as the IMU measures it, continued by the small time δ by which
+/// the clock of the record's sensor is estimated to be late:
 /// R(t) = R ΔR Exp(ω δ), v(t) = v + g T + R Δv + a δ, p(t) = p + v T + ½ g T² + R Δp + v(T) δ + ½ a δ²
 /// with ω = gyro − b_g and a = R ΔR (f − b_a) + g.
 #[derive(Debug, Clone)]
@@ -27,8 +27,9 @@ pub(super) struct Propagated {
     pub velocity_m_s: Vec3,
     /// ω, body.
     pub rate_rad_s: Vec3,
-    /// From the body at the node to the body at the record, and without δ.
+    /// Rotation from the body at the node to the body at the record.
     turn: Rotation,
+    /// The same without δ.
     turn_before: Rotation,
     sums: Corrected,
     duration_s: f64,
@@ -76,7 +77,7 @@ impl Propagation {
         }
     }
 
-    /// ∂(R(t) x) by the node's attitude and the gyro bias, for a vector x of the body.
+    /// ∂(R(t) x) with respect to the node's attitude and the gyro bias, for a vector x in the body frame.
     pub(super) fn turned_jacobian(
         &self,
         at: &Propagated,
@@ -95,7 +96,7 @@ impl Propagation {
         (-r * hat(&(at.turn * x)), r * gyro)
     }
 
-    /// ∂(p(t) + R(t) l) by the step's unknowns, for a lever arm l.
+    /// ∂(p(t) + R(t) l) with respect to the step's unknowns, for a lever arm l.
     pub(super) fn position_jacobian(
         &self,
         at: &Propagated,
@@ -130,13 +131,13 @@ impl Propagation {
 }
 
 impl Propagated {
-    /// ∂p(t) by the magnitude of gravity.
+    /// ∂p(t) with respect to the magnitude of gravity.
     pub fn gravity_jacobian(&self) -> Vec3 {
         let t = self.duration_s + self.late_s;
         Vec3::new(0.0, 0.0, -0.5 * t * t)
     }
 
-    /// ∂(R(t) x) by the time, for a vector x of the body.
+    /// ∂(R(t) x) with respect to time, for a vector x in the body frame.
     pub fn turning(&self, x: &Vec3) -> Vec3 {
         self.world_from_body.rotation * (hat(&self.rate_rad_s) * x)
     }

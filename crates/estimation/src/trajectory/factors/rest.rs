@@ -1,11 +1,11 @@
-//! Rest: the body does not move.
+//! A body at rest.
 
 use super::jacobian::put;
 use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::Mat3;
 use crate::trajectory::states::{NodeState, VELOCITY};
 
-/// The velocity of a body that the logs show at rest: r = v, m/s.
+/// The velocity of a body that is at rest according to the logs: r = v, m/s.
 #[derive(Debug, Clone, Copy)]
 pub struct RestFactor {
     pub sigma_m_s: f64,

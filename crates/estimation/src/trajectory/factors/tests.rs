@@ -138,14 +138,14 @@ fn constants() -> Constants {
     let corrections = [Stream::Position(0), Stream::Heading].map(late);
     let constants = Constants::new(&settings, &corrections);
     assert_eq!(constants.count(), 13);
-    // Without an incidence bias, whose turning with the attitude is left out.
+    // The incidence bias stays zero: the rows neglect that it turns with the attitude.
     let step = [
         0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.013, 0.011,
     ];
     constants.retracted(&step)
 }
 
-/// Compares the derivatives by the constants with central differences.
+/// Compares the derivatives with respect to the constants with central differences.
 fn check_constants<const R: usize>(
     rows: &FactorRows<R>,
     constants: &Constants,
@@ -160,10 +160,10 @@ fn check_constants<const R: usize>(
         };
         let (plus, minus) = (value(h), value(-h));
         let rows = rows.weighted(1.0);
-        let own = rows.by_column().find(|(c, _)| *c == column);
+        let derivative = rows.by_column().find(|(c, _)| *c == column);
         for row in 0..R {
             let numeric = (plus[row] - minus[row]) / (2.0 * h);
-            let error = (numeric - own.map_or(0.0, |(_, by)| by[row])).abs();
+            let error = (numeric - derivative.map_or(0.0, |(_, by)| by[row])).abs();
             assert!(error < 2e-9, "row {row}, constant {column}: {error}");
         }
     }
@@ -174,7 +174,7 @@ fn touched<const R: usize>(rows: &FactorRows<R>) -> Vec<usize> {
     rows.weighted(1.0).columns.to_vec()
 }
 
-/// To a record after its node, and at it.
+/// The propagation to a record after its node, and to one at its node.
 fn propagations() -> [Propagation; 2] {
     [Some(Box::new(preintegrated().sums)), None].map(|sums| Propagation {
         sums,
@@ -265,8 +265,8 @@ fn rows_are_whitened() {
     fix.whitener = Mat3::new(2.0, 0.0, 0.0, 1.0, 3.0, 0.0, -1.0, 0.5, 4.0);
     let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
     let whiten = |raw: [f64; 3]| fix.whitener * Vec3::from(raw);
-    let close = |raw: [f64; 3], found: [f64; 3]| {
-        assert!((whiten(raw) - Vec3::from(found)).norm() < 1e-12);
+    let close = |raw: [f64; 3], whitened: [f64; 3]| {
+        assert!((whiten(raw) - Vec3::from(whitened)).norm() < 1e-12);
     };
     close(raw.residual, rows.residual);
     for column in 0..STEP {
@@ -276,14 +276,17 @@ fn rows_are_whitened() {
         );
     }
     let (raw, rows) = (raw.weighted(1.0), rows.weighted(1.0));
-    for ((a, raw), (b, found)) in raw.by_column().zip(rows.by_column()) {
+    for ((a, raw), (b, whitened)) in raw.by_column().zip(rows.by_column()) {
         assert_eq!(a, b);
-        close([raw[0], raw[1], raw[2]], [found[0], found[1], found[2]]);
+        close(
+            [raw[0], raw[1], raw[2]],
+            [whitened[0], whitened[1], whitened[2]],
+        );
     }
 }
 
 #[test]
-fn gravity_moves_the_imu_residual_as_said() {
+fn gravity_moves_the_imu_residual_as_its_jacobian_states() {
     let (factor, constants) = (imu(), constants());
     let (from, to, bias) = (state(0.0), state(0.1), bias());
     let flat = |r: [Vec3; 3]| std::array::from_fn::<f64, 9, _>(|i| r[i / 3][i % 3]);
@@ -321,8 +324,8 @@ fn normal_equations_are_those_of_the_whitened_rows() {
             assert!((h[(a, b)] - system.h[a][b]).abs() < 1e-7 * h.norm());
         }
     }
-    let own = (k.transpose() * information * k)[0];
-    assert!((border.c[10 * 13 + 10] - own).abs() < 1e-7 * own);
+    let diagonal = (k.transpose() * information * k)[0];
+    assert!((border.c[10 * 13 + 10] - diagonal).abs() < 1e-7 * diagonal);
 }
 
 #[test]

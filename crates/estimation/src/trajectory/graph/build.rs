@@ -1,4 +1,4 @@
-//! From the streams of a drive to its graph.
+//! Builds the graph of a drive from its streams.
 
 use super::context::FactorContext;
 use super::factor_graph::Graph;
@@ -16,7 +16,8 @@ use crate::trajectory::timeline::{Timeline, starts};
 use rayon::prelude::*;
 
 impl Graph {
-    /// Lays the streams out on the timeline, about the start values of node 0 and of the bias.
+    /// Places the streams on the timeline. `first` are the start values of node 0 and of the bias, about
+    /// which the priors are centred and the IMU is integrated.
     ///
     /// # Errors
     /// An IMU noise whose covariance is not positive definite.
@@ -49,7 +50,7 @@ impl Graph {
         Ok(graph)
     }
 
-    /// Without factors.
+    /// A graph without factors.
     pub(super) fn without_steps(
         timeline: Timeline,
         settings: &TrajectorySettings,
@@ -74,7 +75,7 @@ impl Graph {
         }
     }
 
-    /// The IMU from the node of a step to the next.
+    /// The IMU's samples from the node of a step to the next, integrated about the bias `about`.
     pub(super) fn preintegrated(
         &self,
         imu: &ImuSeries,
@@ -89,9 +90,9 @@ impl Graph {
         let mut placed = Vec::new();
         for (sensor, fixes) in streams.positions.iter().enumerate() {
             for fix in fixes {
-                let (step, rest_s) = self.timeline.place(fix.value.time_s);
+                let (step, after_node_s) = self.timeline.place(fix.value.time_s);
                 let node_s = self.timeline.node_s[step];
-                placed.push((step, context.position(sensor, fix, (node_s, rest_s))));
+                placed.push((step, context.position(sensor, fix, (node_s, after_node_s))));
             }
         }
         placed.sort_by_key(|(step, _)| *step);
@@ -102,16 +103,16 @@ impl Graph {
     fn add_headings(&mut self, streams: &Streams, context: &FactorContext<'_>) {
         let mut steps = Vec::new();
         for fix in &streams.heading {
-            let (step, rest_s) = self.timeline.place(fix.value.time_s);
-            let factors = context.headings(fix, (self.timeline.node_s[step], rest_s));
+            let (step, after_node_s) = self.timeline.place(fix.value.time_s);
+            let factors = context.headings(fix, (self.timeline.node_s[step], after_node_s));
             steps.extend(factors.iter().map(|_| step));
             self.headings.extend(factors);
         }
         self.heading_start = starts(steps.into_iter(), self.timeline.steps());
     }
 
-    /// Holds the velocity at the node of a step where the body rests and a bias begins: the number
-    /// of such nodes does not depend on how dense the nodes are.
+    /// The factor that holds the velocity at zero at the node of a step, if the body rests and a bias
+    /// begins there: the number of such nodes does not depend on how dense the nodes are.
     pub(super) fn rest_factor(&self, step: usize, rests: &[Rest]) -> Option<RestFactor> {
         let time_s = self.timeline.node_s[step];
         let begins = step == 0 || self.timeline.layout.changes_before(step);

@@ -1,4 +1,4 @@
-//! From records to factors.
+//! Makes factors from records.
 
 use crate::geometry::heading::wrap;
 use crate::geometry::{Mat3, Vec3};
@@ -10,7 +10,7 @@ use crate::trajectory::motion_sums::MotionSums;
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::{Numbered, Stream};
 
-/// What the factors of records depend on besides the records.
+/// What factors depend on besides their records.
 #[derive(Clone, Copy)]
 pub struct FactorContext<'a> {
     pub imu: &'a ImuSeries,
@@ -21,27 +21,27 @@ pub struct FactorContext<'a> {
 }
 
 impl FactorContext<'_> {
-    /// From a node to a record; the sums are left out where they coincide.
-    fn propagation(&self, node_s: f64, rest_s: f64, time_s: f64) -> Propagation {
+    /// The propagation from a node to a record; it has no sums where they coincide.
+    fn propagation(&self, node_s: f64, after_node_s: f64, time_s: f64) -> Propagation {
         let sums = || MotionSums::over(*self.about, self.imu.pieces(node_s, time_s));
         Propagation {
-            sums: (rest_s != 0.0).then(|| Box::new(sums())),
+            sums: (after_node_s != 0.0).then(|| Box::new(sums())),
             sample: self.imu[self.imu.at(time_s)],
         }
     }
 
-    /// The factor of a fix that lies `rest_s` after the node at `node_s`.
+    /// The factor of a fix that lies `after_node_s` after the node at `node_s`.
     pub fn position(
         &self,
         sensor: usize,
         fix: &Numbered<PositionFix>,
-        (node_s, rest_s): (f64, f64),
+        (node_s, after_node_s): (f64, f64),
     ) -> PositionFactor {
         let time_s = fix.value.time_s;
         let sigma_m = &self.settings.positions[sensor].sigma_m;
         let stream = Stream::Position(sensor);
         PositionFactor {
-            propagation: self.propagation(node_s, rest_s, time_s),
+            propagation: self.propagation(node_s, after_node_s, time_s),
             sensor,
             record: fix.record,
             time_s,
@@ -52,17 +52,17 @@ impl FactorContext<'_> {
         }
     }
 
-    /// The factors of a heading, and of its pitch, that lies `rest_s` after the node at `node_s`.
+    /// The factors of a heading, and of its pitch, that lies `after_node_s` after the node at `node_s`.
     pub fn headings(
         &self,
         fix: &Numbered<HeadingFix>,
-        (node_s, rest_s): (f64, f64),
+        (node_s, after_node_s): (f64, f64),
     ) -> Vec<HeadingFactor> {
         let antennas = &self.settings.heading;
         let time_s = fix.value.time_s;
         let heading = antennas.mounting_offset_rad - antennas.grid_convergence_rad;
         let factor = |quantity, value_rad, sigma_rad| HeadingFactor {
-            propagation: self.propagation(node_s, rest_s, time_s),
+            propagation: self.propagation(node_s, after_node_s, time_s),
             record: fix.record,
             time_s,
             quantity,

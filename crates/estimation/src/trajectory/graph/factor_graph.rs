@@ -17,9 +17,9 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub struct Graph {
     pub timeline: Timeline,
-    /// Of the IMU.
+    /// Noise of the IMU.
     pub noise: ImuNoise,
-    /// One a step.
+    /// One for each step.
     pub imu: Vec<ImuFactor>,
     /// Factor on the standard deviations of the IMU.
     pub imu_scale: f64,
@@ -28,7 +28,7 @@ pub struct Graph {
     pub(super) position_start: Vec<u32>,
     pub headings: Vec<HeadingFactor>,
     pub(super) heading_start: Vec<u32>,
-    /// Whether the body rests at a node, and a bias begins there.
+    /// For each step, the factor of a body that rests at its node, if a bias begins there.
     pub rests: Vec<Option<RestFactor>>,
     pub sensors: Vec<PositionSensor>,
     /// Centre of the priors.
@@ -46,12 +46,12 @@ impl Graph {
         &self.headings[range(&self.heading_start, self.headings.len(), step)]
     }
 
-    /// The bias in force in a step; in a step to come, the newest.
+    /// The bias in force in a step; in the step that is not complete yet, the newest.
     pub fn bias<'s>(&self, state: &'s State, step: usize) -> &'s ImuBias {
         &state.biases[self.timeline.layout.segment(step)]
     }
 
-    /// Lets these clocks apply to the records.
+    /// Assigns to each record the clocks that apply to it.
     pub fn set_clocks(&mut self, constants: &Constants) {
         for fix in &mut self.positions {
             fix.clocks = constants.clocks_of(Stream::Position(fix.sensor), fix.record);
@@ -61,23 +61,23 @@ impl Graph {
         }
     }
 
-    /// The step that holds `time_s`, and how long after its node; the step to come where that is
-    /// at the newest node or later.
+    /// The step that contains `time_s`, and the time since its node, seconds. At the newest node or later
+    /// it is the step that is not complete yet.
     pub fn place(&self, time_s: f64) -> (usize, f64) {
         let node_s = &self.timeline.node_s;
         let after = node_s.partition_point(|&t| t <= time_s + SAME_INSTANT_S);
         let step = after.saturating_sub(1);
-        let rest_s = time_s - node_s[step];
-        let exact = rest_s.abs() <= SAME_INSTANT_S;
-        (step, if exact { 0.0 } else { rest_s })
+        let after_node_s = time_s - node_s[step];
+        let exact = after_node_s.abs() <= SAME_INSTANT_S;
+        (step, if exact { 0.0 } else { after_node_s })
     }
 
-    /// Motion and bias at any time, by the IMU from the node before.
+    /// Motion and bias at any time, propagated by the IMU from the node before.
     pub fn state_at(&self, imu: &ImuSeries, state: &State, time_s: f64) -> (NodeState, ImuBias) {
         let node_s = &self.timeline.node_s;
-        let (step, rest_s) = self.place(time_s.max(node_s[0]));
+        let (step, after_node_s) = self.place(time_s.max(node_s[0]));
         let (from, bias) = (&state.nodes[step], *self.bias(state, step));
-        if rest_s == 0.0 {
+        if after_node_s == 0.0 {
             return (*from, bias);
         }
         let sums = MotionSums::over(bias, imu.pieces(node_s[step], time_s));
@@ -86,7 +86,7 @@ impl Graph {
     }
 }
 
-/// The places of the records of a step; those of the step to come are the last.
+/// The indices of the records of a step; those of the step that is not complete yet come last.
 fn range(starts: &[u32], count: usize, step: usize) -> Range<usize> {
     let end = starts.get(step + 1).map_or(count, |&end| end as usize);
     starts[step] as usize..end

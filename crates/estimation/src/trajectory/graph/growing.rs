@@ -1,7 +1,7 @@
-//! A graph that grows step by step with the records as they come.
+//! A graph that grows step by step as the records arrive.
 //!
-//! Its last node bounds no step yet: records at that node or after it wait in the step to come,
-//! and [`Graph::newest_system`] holds their normal equations until then.
+//! No step begins at its last node yet: records at that node or after it wait for the step, and
+//! [`Graph::newest_system`] gives their normal equations until then.
 
 use super::build::imu_factor;
 use super::context::FactorContext;
@@ -20,7 +20,7 @@ use nalgebra::SMatrix;
 use std::ops::Range;
 
 impl Graph {
-    /// Of a single node at the first sample of the streams, with the times of their samples.
+    /// A graph with a single node at the first sample of the streams, and a pose at each sample.
     pub fn growing(
         streams: &Streams,
         settings: &TrajectorySettings,
@@ -36,9 +36,9 @@ impl Graph {
         Self::without_steps(timeline, settings, first)
     }
 
-    /// The step from the newest node to a new one at `time_s`, which the IMU has reached; its
-    /// motion is integrated about `about`. A new bias begins at the newest node where `begins`.
-    /// The records that wait at the newest node become the step's.
+    /// Adds the step from the newest node to a new one at `time_s`, which the IMU has reached; its
+    /// motion is integrated about the bias `about`. With `begins`, a new bias begins at the newest node.
+    /// The records that wait there become records of the step.
     ///
     /// # Errors
     /// An IMU noise whose covariance is not positive definite.
@@ -68,15 +68,16 @@ impl Graph {
         Ok(())
     }
 
-    /// Integrates the motion of a step about another bias, where the noise allows.
-    pub fn sum_anew(&mut self, imu: &ImuSeries, step: usize, about: &ImuBias) {
+    /// Integrates the motion of a step again, about another bias. The factor stays as it is if the
+    /// covariance is not positive definite.
+    pub fn reintegrate(&mut self, imu: &ImuSeries, step: usize, about: &ImuBias) {
         if let Some(factor) = ImuFactor::new(&self.preintegrated(imu, step, about)) {
             self.imu[step] = factor;
         }
     }
 
-    /// Lets the newest step jump: its closing error may be larger by these standard deviations of
-    /// rotation, position and velocity.
+    /// Lets the newest step jump: these standard deviations of rotation, position and velocity are added
+    /// to that of its closing error.
     pub fn loosen_newest_step(&mut self, imu: &ImuSeries, about: &ImuBias, sigma: [f64; 3]) {
         let step = self.timeline.steps() - 1;
         let mut sums = self.preintegrated(imu, step, about);
@@ -89,15 +90,15 @@ impl Graph {
         }
     }
 
-    /// Adds a position; its step and its place among the positions.
+    /// Adds a position; returns its step and its index among the positions.
     pub fn push_position(
         &mut self,
         context: &FactorContext<'_>,
         sensor: usize,
         fix: &Numbered<PositionFix>,
     ) -> (usize, usize) {
-        let (step, rest_s) = self.place(fix.value.time_s);
-        let at = (self.timeline.node_s[step], rest_s);
+        let (step, after_node_s) = self.place(fix.value.time_s);
+        let at = (self.timeline.node_s[step], after_node_s);
         let factor = context.position(sensor, fix, at);
         let places = insert(
             &mut self.positions,
@@ -108,22 +109,22 @@ impl Graph {
         (step, places.start)
     }
 
-    /// Adds a heading, and its pitch where it has one; its step and the places.
+    /// Adds a heading, and its pitch where it has one; returns the step and the indices.
     pub fn push_heading(
         &mut self,
         context: &FactorContext<'_>,
         fix: &Numbered<HeadingFix>,
     ) -> (usize, Range<usize>) {
-        let (step, rest_s) = self.place(fix.value.time_s);
-        let at = (self.timeline.node_s[step], rest_s);
+        let (step, after_node_s) = self.place(fix.value.time_s);
+        let at = (self.timeline.node_s[step], after_node_s);
         let factors = context.headings(fix, at);
         let places = insert(&mut self.headings, &mut self.heading_start, step, factors);
         (step, places)
     }
 
-    /// Holds the velocity at the nodes of these steps at which the body rests and a bias begins;
-    /// the first of them that is new.
-    pub fn rest(&mut self, rest: &Rest) -> Option<usize> {
+    /// Holds the velocity at zero at the nodes during `rest` at which a bias begins; returns the first
+    /// step that was not held before.
+    pub fn hold_rest(&mut self, rest: &Rest) -> Option<usize> {
         let node_s = &self.timeline.node_s;
         let first = node_s.partition_point(|&t| t < rest.from_s);
         let end = node_s.partition_point(|&t| t <= rest.to_s);
@@ -154,7 +155,7 @@ impl Graph {
     }
 }
 
-/// Adds factors to those of a step; their places.
+/// Adds factors to those of a step; returns their indices.
 fn insert<F>(all: &mut Vec<F>, starts: &mut [u32], step: usize, factors: Vec<F>) -> Range<usize> {
     let count = factors.len();
     let at = starts.get(step + 1).map_or(all.len(), |&end| end as usize);

@@ -1,4 +1,4 @@
-//! The factor graph of one drive: its factors, and what each touches.
+//! The factor graph of one drive: its factors, and the unknowns on which each depends.
 
 mod build;
 mod context;

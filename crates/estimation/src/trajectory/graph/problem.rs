@@ -10,10 +10,10 @@ use crate::trajectory::states::{NodeState, State};
 use rayon::prelude::*;
 
 /// Standard deviations of the priors on node 0 (about the start values) and bias 0 (gyro about
-/// the rest or filter value, accelerometer about zero). Wide: they only keep a drive solvable that
-/// leaves something free, whose standard deviation is then as wide. The accelerometer
-/// prior is the turn-on bias of an inexpensive MEMS; it decides the tilt of a drive that never
-/// turns.
+/// the rest or filter value, accelerometer about zero). They are wide: their only purpose is to
+/// keep the problem solvable where a drive does not determine an unknown, whose standard deviation is
+/// then as wide. The accelerometer prior is the turn-on bias of an inexpensive MEMS; it decides the tilt
+/// of a drive that never turns.
 const PRIOR_SIGMA: [f64; 5] = [
     1.0,   // attitude, rad
     100.0, // position, m
@@ -23,7 +23,7 @@ const PRIOR_SIGMA: [f64; 5] = [
 ];
 /// How far the start values may be off, in the order of [`PRIOR_SIGMA`].
 const START_SIGMA: [f64; 5] = [0.1, 1.0, 1.0, 0.01, 0.1];
-/// Fewest nodes moved by one task.
+/// Smallest number of nodes moved by one task.
 const TASK: usize = 512;
 
 /// The factor that rows come from.
@@ -119,8 +119,8 @@ impl ChainProblem for Graph {
         self.record_residuals(state, step, visit);
     }
 
-    /// The derivative of the attitude's miss is the identity to first order of the miss, and the
-    /// prior's weight is small: no more is needed.
+    /// To first order, the derivative of the attitude's miss with respect to the attitude is the identity.
+    /// That suffices, because the prior's weight is small.
     fn prior(&self, state: &State) -> Prior<TAIL> {
         let mut miss = [0.0; TAIL];
         let (node, bias) = miss.split_at_mut(NODE);

@@ -23,15 +23,15 @@ pub struct Filter<'a> {
     pub gravity_m_s2: f64,
 }
 
-/// A pass over the drive.
-pub struct Passed {
+/// The result of a pass over the drive.
+pub struct Pass {
     pub end: Rotation,
-    /// Sum of all pulls, body frame, radians.
+    /// Sum of all corrections towards the tilt and the headings, body frame, radians.
     pub pulled: Vec3,
 }
 
 impl Filter<'_> {
-    /// Levelled by the mean specific force of the first second, at the first heading.
+    /// The attitude levelled by the mean specific force of the first second, at the first heading.
     pub fn level_start(&self, settings: &TrajectorySettings) -> Rotation {
         let until = self.timeline.pose_s[0] + REST_BLOCK_S;
         let count = self
@@ -63,12 +63,13 @@ impl Filter<'_> {
         exp(&(seen.cross(&expected) * (PULL_PER_S * dt_s / scale))) * rotation
     }
 
+    /// From the first sample to the end; `record` receives the attitude at each sample and at the end.
     pub fn forward(
         &self,
         start: Rotation,
         bias: &Vec3,
         mut record: Option<&mut Vec<Rotation>>,
-    ) -> Passed {
+    ) -> Pass {
         let mut rotation = start;
         let mut pulled = Vec3::zeros();
         let (mut cursor, mut prior) = (0, 0);
@@ -97,7 +98,7 @@ impl Filter<'_> {
         if let Some(record) = record {
             record.push(rotation);
         }
-        Passed {
+        Pass {
             end: rotation,
             pulled,
         }
@@ -125,7 +126,7 @@ impl Filter<'_> {
     }
 }
 
-/// Turned about the vertical by `gain` times the error of its heading.
+/// The rotation, turned about the vertical by `gain` times the error of its heading.
 fn turned_to_heading(rotation: &Rotation, heading: f64, gain: f64) -> Rotation {
     let miss = wrap(heading - heading_rad(rotation));
     Rotation::from_axis_angle(&Vec3::z_axis(), -gain * miss) * rotation

@@ -1,6 +1,6 @@
 //! Headings of the body before any adjustment: measured, or the direction of travel.
 
-use super::neighbours::{ALIKE_SIGMAS, off_neighbours};
+use super::neighbours::{ALIKE_SIGMAS, distances_from_neighbours};
 use super::prism_motion::Motion;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
@@ -8,10 +8,10 @@ use crate::geometry::heading::wrap;
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::Streams;
 
-/// Neighbours on either side that a heading must agree with, turned by the gyro: more than a run of
-/// wrong headings lasts.
+/// A heading, turned by the gyro, must agree with this many neighbours on either side: more than a run
+/// of wrong headings has.
 const HEADING_REACH: usize = 60;
-/// What the gyro may turn in that time that the body does not, radians.
+/// Largest drift of the gyro in that time, radians.
 const GYRO_DRIFT_RAD: f64 = 0.35;
 /// Slower motion gives no direction of travel, m/s.
 const MIN_SPEED_M_S: f64 = 0.05;
@@ -25,7 +25,8 @@ pub struct HeadingPrior {
     pub heading_rad: f64,
 }
 
-/// Headings of the body: measured, or where none are, the direction of travel.
+/// Headings of the body: those measured or, where there are none, the direction of travel. Also whether
+/// they are the direction of travel.
 pub fn heading_priors(
     streams: &Streams,
     motion: &[Motion],
@@ -33,12 +34,12 @@ pub fn heading_priors(
     gyro_bias: &Vec3,
 ) -> Result<(Vec<HeadingPrior>, bool)> {
     if !streams.heading.is_empty() {
-        let priors = measured(streams, settings, gyro_bias);
+        let priors = consistent_headings(streams, settings, gyro_bias);
         if priors.is_empty() {
             return Err(Error::data(
                 format!(
-                    "none of the {} headings within the IMU's span agrees with the gyro and the \
-                     headings around it",
+                    "none of the {} headings within the IMU's span agrees with the gyro and \
+                     the neighbouring headings",
                     streams.heading.len()
                 ),
                 "check the unit of the headings (degrees, clockwise from north), the axes of the \
@@ -74,9 +75,9 @@ pub fn heading_priors(
     Ok((priors, true))
 }
 
-/// Headings of the body without those that the gyro and the headings around contradict, such as
-/// baselines seen the wrong way round.
-fn measured(
+/// The measured headings without those that contradict the gyro and the neighbouring headings, such as
+/// those of a reversed baseline.
+fn consistent_headings(
     streams: &Streams,
     settings: &TrajectorySettings,
     gyro_bias: &Vec3,
@@ -110,9 +111,9 @@ fn measured(
         .collect();
     let directions: Vec<Vec3> = all.iter().map(|(_, direction)| *direction).collect();
     let limit = GYRO_DRIFT_RAD + ALIKE_SIGMAS * antennas.sigma_rad;
-    let kept = all
+    let consistent = all
         .iter()
-        .zip(off_neighbours(&directions, HEADING_REACH))
-        .filter(|(_, off)| *off <= limit);
-    kept.map(|((prior, _), _)| *prior).collect()
+        .zip(distances_from_neighbours(&directions, HEADING_REACH))
+        .filter(|(_, distance)| *distance <= limit);
+    consistent.map(|((prior, _), _)| *prior).collect()
 }

@@ -1,11 +1,11 @@
-//! Records against the median of their neighbours.
+//! Compares records with the median of their neighbours.
 
 use crate::geometry::Vec3;
 use crate::statistics::median;
 
-/// Neighbours on either side whose median a value must be near.
+/// A value must be near the median of this many neighbours on either side.
 const MEDIAN_REACH: usize = 4;
-/// How near: this many times the median distance plus [`ALIKE_SIGMAS`].
+/// How near: this many times the median distance, plus [`ALIKE_SIGMAS`].
 const ALIKE_MEDIANS: f64 = 6.0;
 /// And this many standard deviations.
 pub const ALIKE_SIGMAS: f64 = 10.0;
@@ -15,8 +15,8 @@ fn around(i: usize, reach: usize, count: usize) -> std::ops::Range<usize> {
     i.saturating_sub(reach)..(i + reach + 1).min(count)
 }
 
-/// How far each value is from the median of its neighbours on either side.
-pub fn off_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
+/// The distance of each value from the median of its neighbours on either side.
+pub fn distances_from_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
     (0..values.len())
         .map(|i| {
             let near = &values[around(i, reach, values.len())];
@@ -28,15 +28,15 @@ pub fn off_neighbours(values: &[Vec3], reach: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Which values lie near the median of their neighbours, as near as the values around them do or
-/// within ten standard deviations: enough to start from, with outliers of any size among them.
-pub fn alike(values: &[Vec3], sigma: f64) -> Vec<bool> {
-    let off = off_neighbours(values, MEDIAN_REACH);
+/// Which values lie near the median of their neighbours: as near as the values around them do, or
+/// within ten standard deviations. That suffices for start values, whatever the size of the outliers.
+pub fn agrees_with_neighbours(values: &[Vec3], sigma: f64) -> Vec<bool> {
+    let distances = distances_from_neighbours(values, MEDIAN_REACH);
     (0..values.len())
         .map(|i| {
-            let near = &off[around(i, 4 * MEDIAN_REACH, off.len())];
+            let near = &distances[around(i, 4 * MEDIAN_REACH, distances.len())];
             let usual = median(near.iter().copied()).unwrap_or(f64::NAN);
-            off[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
+            distances[i] <= ALIKE_MEDIANS * usual + ALIKE_SIGMAS * sigma
         })
         .collect()
 }

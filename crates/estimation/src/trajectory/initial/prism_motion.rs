@@ -1,11 +1,11 @@
 //! The motion of the prism: local parabolas through its fixes.
 
-use super::neighbours::alike;
+use super::neighbours::agrees_with_neighbours;
 use crate::geometry::Vec3;
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::streams::Streams;
 
-/// Fixes either side of a local parabola's middle.
+/// Fixes on either side of the middle of a local parabola.
 const PARABOLA_REACH: usize = 2;
 /// Fixes farther away in time are left out of a parabola, seconds.
 const PARABOLA_REACH_S: f64 = 1.0;
@@ -19,8 +19,8 @@ pub struct Motion {
     pub acceleration_m_s2: Vec3,
 }
 
-/// Times and positions of one point of the body, and where that is: all sensors that share the
-/// lever arm of the one with the most fixes, without fixes far off their neighbours.
+/// Times and positions of one point of the body, and its lever arm: of all sensors that share the lever
+/// arm of the sensor with the most fixes, without fixes that lie far from their neighbours.
 pub fn fixes(streams: &Streams, settings: &TrajectorySettings) -> (Vec<(f64, Vec3)>, Vec3) {
     let most = (0..streams.positions.len())
         .max_by_key(|&sensor| (streams.positions[sensor].len(), usize::MAX - sensor))
@@ -35,13 +35,13 @@ pub fn fixes(streams: &Streams, settings: &TrajectorySettings) -> (Vec<(f64, Vec
         .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let positions: Vec<Vec3> = all.iter().map(|f| f.1).collect();
-    let keep = alike(&positions, settings.positions[most].sigma_m.max());
-    let kept = all.into_iter().zip(keep).filter(|(_, keep)| *keep);
-    (kept.map(|(fix, _)| fix).collect(), arm)
+    let agrees = agrees_with_neighbours(&positions, settings.positions[most].sigma_m.max());
+    let agreeing = all.into_iter().zip(agrees).filter(|(_, agrees)| *agrees);
+    (agreeing.map(|(fix, _)| fix).collect(), arm)
 }
 
-/// The parabola through the fixes near fix `middle` by least squares, at its time. With two fixes
-/// it is a line, with one a point.
+/// The least-squares parabola through the fixes near fix `middle`, at the time of that fix. With two
+/// fixes it is a line, with one a point.
 pub fn parabola(prism: &[(f64, Vec3)], middle: usize) -> Motion {
     let (time_s, position_m) = prism[middle];
     let first = middle.saturating_sub(PARABOLA_REACH);
@@ -81,8 +81,9 @@ pub fn parabola(prism: &[(f64, Vec3)], middle: usize) -> Motion {
     }
 }
 
-/// The motion at `time_s`: Hermite between fixes for the position, linear for the rest; at rest
-/// beyond the ends. `cursor` remembers the place and may move either way.
+/// The motion at `time_s`: between fixes, the position follows Hermite's cubic, velocity and
+/// acceleration are linear; beyond the ends, the prism rests. `cursor` remembers the place and may move
+/// either way.
 pub fn interpolated(motion: &[Motion], cursor: &mut usize, time_s: f64) -> Motion {
     let still = |m: &Motion| Motion {
         velocity_m_s: Vec3::zeros(),
@@ -126,14 +127,14 @@ mod tests {
         let at = |t: f64| Vec3::new(1.0 + 2.0 * t + 3.0 * t * t, -t, 4.0);
         let prism: Vec<_> = [0.0, 0.1, 0.25, 0.4, 0.5].map(|t| (t, at(t))).to_vec();
         for (middle, &(t, p)) in prism.iter().enumerate() {
-            let found = parabola(&prism, middle);
-            assert!((found.position_m - p).norm() < 1e-9);
-            assert!((found.velocity_m_s - Vec3::new(2.0 + 6.0 * t, -1.0, 0.0)).norm() < 1e-9);
-            assert!((found.acceleration_m_s2 - Vec3::new(6.0, 0.0, 0.0)).norm() < 1e-9);
+            let motion = parabola(&prism, middle);
+            assert!((motion.position_m - p).norm() < 1e-9);
+            assert!((motion.velocity_m_s - Vec3::new(2.0 + 6.0 * t, -1.0, 0.0)).norm() < 1e-9);
+            assert!((motion.acceleration_m_s2 - Vec3::new(6.0, 0.0, 0.0)).norm() < 1e-9);
         }
-        // A fix alone in time gives a position, and no velocity.
-        let lonely = parabola(&[(0.0, at(0.0)), (5.0, at(5.0))], 0);
-        assert!((lonely.position_m - at(0.0)).norm() < 1e-12);
-        assert_eq!(lonely.velocity_m_s, Vec3::zeros());
+        // A single fix gives a position but no velocity.
+        let single = parabola(&[(0.0, at(0.0)), (5.0, at(5.0))], 0);
+        assert!((single.position_m - at(0.0)).norm() < 1e-12);
+        assert_eq!(single.velocity_m_s, Vec3::zeros());
     }
 }

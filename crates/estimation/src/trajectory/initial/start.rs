@@ -1,9 +1,9 @@
 //! Start values of every node.
 //!
-//! Prism fixes are smoothed by local parabolas. The gyro is integrated and pulled to the tilt that
-//! makes the specific force agree with the smoothed acceleration and gravity, and to the headings:
-//! once forward to find the gyro bias, once backward so that the start is no longer a guess, once
-//! forward for the result.
+//! Prism fixes are smoothed by local parabolas. The gyro is integrated, and the attitude is pulled
+//! towards the headings and towards the tilt at which the specific force agrees with the smoothed
+//! acceleration and gravity: once forward to find the gyro bias, once backward to find the attitude at
+//! the start, and once forward for the result.
 
 use super::attitude::Filter;
 use super::heading_prior::heading_priors;
@@ -21,7 +21,7 @@ use crate::trajectory::timeline::Timeline;
 /// The start values.
 pub struct Initial {
     pub nodes: Vec<NodeState>,
-    /// Centre of the biases' prior, about which the IMU is integrated.
+    /// Centre of the prior of the bias, about which the IMU is integrated.
     pub bias: ImuBias,
     /// One for each bias of the timeline.
     pub biases: Vec<ImuBias>,
@@ -34,8 +34,8 @@ pub struct Initial {
 /// Start values of every node.
 ///
 /// # Errors
-/// Neither headings nor enough motion to determine the heading; positions or headings of which none
-/// fits the others.
+/// Neither headings nor enough motion to determine the heading; no positions, or no headings, that
+/// agree with each other.
 pub fn initial(
     streams: &Streams,
     timeline: &Timeline,
@@ -83,8 +83,8 @@ pub fn initial(
             let at = interpolated(&motion, &mut cursor, time_s);
             let sample = streams.imu.at(time_s);
             let rate = streams.imu[sample].gyro_rad_s - gyro_bias;
-            let rest_s = time_s - streams.imu[sample].time_s;
-            let rotation = rotations[sample] * exp(&(rate * rest_s));
+            let after_sample_s = time_s - streams.imu[sample].time_s;
+            let rotation = rotations[sample] * exp(&(rate * after_sample_s));
             let position_m = at.position_m - rotation * arm;
             NodeState {
                 world_from_body: WorldFromBody::new(rotation, position_m),

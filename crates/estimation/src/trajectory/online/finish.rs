@@ -1,6 +1,6 @@
 //! The whole trajectory: so far, and at the end.
 
-use super::records::Given;
+use super::records::ReceivedLogs;
 use super::running::Running;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -13,7 +13,7 @@ use crate::trajectory::interpolate::Trajectory;
 use crate::trajectory::recovery::Recovery;
 use crate::trajectory::settings::TrajectorySettings;
 
-/// A pose at every IMU sample up to the newest node, and one there.
+/// A pose at every IMU sample up to the newest node, and one at that node.
 pub fn trajectory_so_far(running: &mut Running) -> Result<Trajectory> {
     let state = running.smoother.estimate();
     let mut graph = running.smoother.graph.clone();
@@ -26,7 +26,7 @@ pub fn trajectory_so_far(running: &mut Running) -> Result<Trajectory> {
         state: &state,
         imu: &running.streams.imu,
     };
-    // From the last step to the first, as the recursion runs.
+    // The recursion runs from the last step to the first.
     let mut steps: Vec<Vec<PoseRecord>> = Vec::new();
     running.smoother.factor.marginals(|step, marginal| {
         let covariance = marginal.joint();
@@ -39,9 +39,9 @@ pub fn trajectory_so_far(running: &mut Running) -> Result<Trajectory> {
     Trajectory::new(steps.into_iter().rev().flatten().collect())
 }
 
-/// The adjustment of the whole drive from the online estimates as start values.
+/// Adjusts the whole drive, with the online estimates as start values.
 pub fn finish(
-    given: &Given,
+    received: &ReceivedLogs,
     mut running: Running,
     settings: &TrajectorySettings,
     progress: &dyn Progress,
@@ -62,10 +62,10 @@ pub fn finish(
                 },
                 biases: timeline.bias_start_s.iter().map(|t| at(t).1).collect(),
                 rest: None,
-                heading_from_motion: given.heading.is_empty(),
+                heading_from_motion: received.heading.is_empty(),
             })
         },
-        &given.logs(),
+        &received.logs(),
         settings,
         progress,
     )

@@ -1,14 +1,14 @@
-//! The innovation test: does a record fit what all before it predict?
+//! The innovation test: does a record agree with the prediction from all records before it?
 
 use crate::adjustment::{FactorRows, Loss, NODE, TAIL, rejection_limit, square_scale};
 use crate::statistics::median;
 use nalgebra::{SMatrix, SVector};
 use std::collections::VecDeque;
 
-/// Innovations whose median shows whether a sensor's standard deviations are too small.
+/// Number of innovations whose median shows whether a sensor's standard deviations are too small.
 const RECENT: usize = 51;
-/// After so many records refused in a row, or for so long, the estimate is lost, rather than the
-/// records wrong.
+/// After more refused records in a row than this, the estimate is lost, rather than the records wrong;
+/// or after more than [`MIN_REFUSED`] over at least [`MAX_REFUSED_S`] seconds.
 const MAX_REFUSED: usize = 10;
 const MAX_REFUSED_S: f64 = 2.0;
 const MIN_REFUSED: usize = 3;
@@ -25,18 +25,18 @@ pub fn innovation<const R: usize>(rows: &FactorRows<R>, sigma: &[[f64; TAIL]; TA
                 *x += factor * y;
             }
         }
-        for (j, other) in rows.by_step.iter().enumerate() {
-            s[(i, j)] += (0..TAIL).map(|a| spread[a] * other[place(a)]).sum::<f64>();
+        for (j, column) in rows.by_step.iter().enumerate() {
+            s[(i, j)] += (0..TAIL).map(|a| spread[a] * column[place(a)]).sum::<f64>();
         }
     }
     let r = SVector::<f64, R>::from(rows.residual);
-    // S is at least the identity: what is not invertible is not finite, and not accepted.
+    // S is at least the identity: if it cannot be inverted, it is not finite, and the record is refused.
     s.try_inverse().map_or(f64::INFINITY, |inverse| {
         (r.transpose() * inverse * r)[(0, 0)]
     })
 }
 
-/// What is done with a record.
+/// What to do with a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Decision {
     Accept,
@@ -93,12 +93,12 @@ impl Gate {
     }
 
     fn limit(&self) -> f64 {
-        let usual = median(self.recent.iter().copied()).unwrap_or(0.0);
-        // Of a few, the median itself may be that of outliers.
+        let median_square = median(self.recent.iter().copied()).unwrap_or(0.0);
+        // The median of a few may itself be that of outliers.
         let scale = if self.recent.len() < RECENT {
             1.0
         } else {
-            square_scale(self.components, usual)
+            square_scale(self.components, median_square)
         };
         scale * rejection_limit(self.components)
     }
@@ -129,8 +129,8 @@ mod tests {
     }
 
     #[test]
-    fn innovations_count_what_the_prediction_does_not_know() {
-        // One row that sees the second component of the position: σ² = 1 + 3.
+    fn innovations_are_normalised_by_the_uncertainty_of_the_prediction_too() {
+        // A row that sees the second component of the position: σ² = 1 + 3.
         let mut rows = [[0.0; 24]; 1];
         rows[0][4] = 1.0;
         let mut sigma = [[0.0; TAIL]; TAIL];

@@ -1,13 +1,13 @@
 //! The online smoother: records in, poses out.
 //!
-//! Records are given as they come, each sensor's in its own time and order. The first seconds are
+//! Records are passed in as they arrive, those of each sensor in their own order. The first seconds are
 //! kept until they determine the attitude; from then on every position fix gives the newest pose.
 //! The cost of an update does not depend on how long the drive has lasted.
 
 use super::finish::{finish, trajectory_so_far};
-use super::meeting::check_meeting;
 use super::options::OnlineOptions;
-use super::records::{Given, Record};
+use super::overlap::check_overlap_so_far;
+use super::records::{ReceivedLogs, Record};
 use super::running::Running;
 use super::scatter::{self, Scatter};
 use super::start::{Start, UNIT_KNOWN_AFTER, start};
@@ -21,23 +21,21 @@ use crate::trajectory::imu_series::SAME_INSTANT_S;
 use crate::trajectory::interpolate::Trajectory;
 use crate::trajectory::settings::{Nodes, TrajectorySettings};
 use crate::trajectory::solution::{Rejection, RejectionReason};
-use crate::trajectory::streams::{
-    Numbered, check_settings, check_value_of_fix, check_value_of_heading,
-};
+use crate::trajectory::streams::{Numbered, check_settings, is_valid_fix, is_valid_heading};
 use crate::trajectory::timeline::MAX_STEP_S;
 use std::collections::VecDeque;
 
-/// Without a fix for so long a node is set by itself, seconds: late enough that a fix every second
+/// After this time without a fix a node is added anyway, seconds: late enough that a fix every second
 /// comes first.
 const MAX_WAIT_S: f64 = MAX_STEP_S + 0.25;
-/// IMU stamps in a row that leap by more than a gap that can be bridged: after more, the log continues
-/// there.
+/// Largest number of IMU stamps in a row that leap by more than a gap that can be bridged; after more,
+/// the log has really moved to another time.
 const MAX_LEAPS: usize = 10;
 
 /// What the smoother is doing.
 #[derive(Debug, Clone)]
 enum Stage {
-    /// Records are kept until they determine the attitude; tried again from this time on.
+    /// Records are kept until they determine the attitude; the next attempt is at this time.
     Starting {
         next_s: f64,
     },
@@ -47,18 +45,19 @@ enum Stage {
 /// The online smoother.
 #[derive(Debug, Clone)]
 pub struct Online {
-    /// As the project has them.
-    asked: TrajectorySettings,
-    /// Those that hold during the drive: constants are estimated at the end.
+    /// The settings of the project.
+    project_settings: TrajectorySettings,
+    /// The settings used during the drive; constants are estimated only at its end.
     settings: TrajectorySettings,
     options: OnlineOptions,
-    given: Given,
+    received: ReceivedLogs,
     waiting: VecDeque<Record>,
     newest_imu_s: f64,
     leaps: usize,
-    /// Time of the newest record of each position sensor that was taken in, and of the heading.
+    /// Time of the newest record taken in of each position sensor, then of the heading.
     taken_s: Vec<f64>,
-    /// Of each, how many records in a row were far from the IMU's newest sample when they came.
+    /// For the same sensors, how many records in a row were far from the IMU's newest sample when they
+    /// arrived.
     apart: Vec<usize>,
     scatter: Scatter,
     stage: Stage,
@@ -66,19 +65,19 @@ pub struct Online {
 }
 
 impl Online {
-    /// Before the first record.
+    /// A smoother before its first record.
     ///
     /// # Errors
-    /// Settings that make no sense.
+    /// Settings that are not valid.
     pub fn new(settings: &TrajectorySettings, options: OnlineOptions) -> Result<Self> {
         let sensors = settings.positions.len();
-        let given = Given {
+        let received = ReceivedLogs {
             positions: vec![Vec::new(); sensors],
-            ..Given::default()
+            ..ReceivedLogs::default()
         };
-        check_settings(&given.logs(), settings)?;
+        check_settings(&received.logs(), settings)?;
         Ok(Self {
-            asked: settings.clone(),
+            project_settings: settings.clone(),
             settings: TrajectorySettings {
                 nodes: Nodes::Prism,
                 estimate: Vec::new(),
@@ -88,7 +87,7 @@ impl Online {
                 reach: options.reach.max(2),
                 ..options
             },
-            given,
+            received,
             waiting: VecDeque::new(),
             newest_imu_s: f64::NEG_INFINITY,
             leaps: 0,
@@ -102,7 +101,7 @@ impl Online {
         })
     }
 
-    /// Takes a record of any sensor; the updates of the fixes that the IMU has reached.
+    /// Takes a record of any sensor; returns the updates of the fixes that the IMU has reached.
     ///
     /// # Errors
     /// Those of [`imu`](Self::imu), [`position`](Self::position) and [`heading`](Self::heading).
@@ -114,23 +113,27 @@ impl Online {
         }
     }
 
-    /// Takes an IMU sample; the updates of the fixes that it has reached.
+    /// Takes an IMU sample; returns the updates of the fixes that it has reached.
     ///
     /// # Errors
     /// Values that are not finite, times that are not in seconds, a gap of minutes, times that go back by
     /// minutes, a trajectory that is not determined.
     pub fn imu(&mut self, sample: ImuSample) -> Result<Vec<Update>> {
         if !scatter::is_finite(&sample) {
-            return Err(not_finite("IMU log", self.given.imu.len(), sample.time_s));
+            return Err(not_finite(
+                "IMU log",
+                self.received.imu.len(),
+                sample.time_s,
+            ));
         }
-        let record = self.given.imu.len();
-        self.given.imu.push(sample);
+        let record = self.received.imu.len();
+        self.received.imu.push(sample);
         let ahead_s = sample.time_s - self.newest_imu_s;
         let leaps = ahead_s.abs() > MAX_IMU_GAP_S && record > 0;
         if ahead_s <= 0.0 || leaps {
             self.leaps = if leaps { self.leaps + 1 } else { 0 };
             if self.leaps > MAX_LEAPS {
-                check_interval(median_interval_s(&self.given.imu))?;
+                check_interval(median_interval_s(&self.received.imu))?;
                 return Err(leap(self.newest_imu_s, sample.time_s));
             }
             self.refuse("imu".into(), record, sample.time_s);
@@ -144,7 +147,7 @@ impl Online {
                 *next_s = sample.time_s + self.options.start_s;
             }
             Stage::Starting { .. } if record == UNIT_KNOWN_AFTER => {
-                check_interval(median_interval_s(&self.given.imu))?;
+                check_interval(median_interval_s(&self.received.imu))?;
             }
             Stage::Starting { .. } => {}
             Stage::Running(running) => running.sample(sample, &self.scatter, &self.settings.imu)?,
@@ -152,28 +155,35 @@ impl Online {
         self.advance()
     }
 
-    /// Takes a fix of a position sensor; updates where the IMU is there already.
+    /// Takes a fix of a position sensor; returns updates if the IMU has already reached it.
     ///
     /// # Errors
-    /// A sensor that the settings do not have, values that are not finite, a covariance that is
-    /// none, fixes that do not meet the IMU, a trajectory that is not determined.
+    /// A sensor that the settings do not have, values that are not finite, a matrix that is
+    /// not a covariance, fixes that do not overlap with the IMU in time, a trajectory that is not
+    /// determined.
     pub fn position(&mut self, sensor: usize, fix: PositionFix) -> Result<Vec<Update>> {
-        let Some(given) = self.given.positions.get_mut(sensor) else {
+        let Some(received) = self.received.positions.get_mut(sensor) else {
             return Err(Error::data(
-                format!("a fix of position sensor {}", sensor + 1),
-                format!("the settings have {}", self.settings.positions.len()),
+                format!(
+                    "there is no position sensor {} to take a fix of",
+                    sensor + 1
+                ),
+                format!(
+                    "the settings have {} position sensors",
+                    self.settings.positions.len()
+                ),
             ));
         };
-        if !(check_value_of_fix(&fix) && fix.time_s.is_finite()) {
+        if !(is_valid_fix(&fix) && fix.time_s.is_finite()) {
             let name = format!("{} log", self.settings.positions[sensor].name);
-            return Err(not_finite(&name, given.len(), fix.time_s));
+            return Err(not_finite(&name, received.len(), fix.time_s));
         }
-        let record = given.len();
-        given.push(fix);
+        let record = received.len();
+        received.push(fix);
         if let Some(imu_s) = self.starting_s() {
             let name = format!("{} log", self.settings.positions[sensor].name);
-            let fixes = &self.given.positions[sensor];
-            check_meeting(&mut self.apart[sensor], imu_s, &name, fixes)?;
+            let fixes = &self.received.positions[sensor];
+            check_overlap_so_far(&mut self.apart[sensor], imu_s, &name, fixes)?;
         }
         self.wait(Record::Position(sensor, Numbered { record, value: fix }));
         self.advance()
@@ -182,15 +192,15 @@ impl Online {
     /// Takes a heading; it takes effect with the next update.
     ///
     /// # Errors
-    /// Values that are not finite, headings that do not meet the IMU.
+    /// Values that are not finite, headings that do not overlap with the IMU in time.
     pub fn heading(&mut self, fix: HeadingFix) -> Result<()> {
-        let record = self.given.heading.len();
-        if !(check_value_of_heading(&fix) && fix.time_s.is_finite()) {
+        let record = self.received.heading.len();
+        if !(is_valid_heading(&fix) && fix.time_s.is_finite()) {
             return Err(not_finite("heading log", record, fix.time_s));
         }
-        self.given.heading.push(fix);
+        self.received.heading.push(fix);
         if let (Some(imu_s), Some(apart)) = (self.starting_s(), self.apart.last_mut()) {
-            check_meeting(apart, imu_s, "heading log", &self.given.heading)?;
+            check_overlap_so_far(apart, imu_s, "heading log", &self.received.heading)?;
         }
         self.wait(Record::Heading(Numbered { record, value: fix }));
         Ok(())
@@ -198,19 +208,19 @@ impl Online {
 
     /// First and newest time of the IMU, if there are samples and the start has not been made.
     fn starting_s(&self) -> Option<(f64, f64)> {
-        let first = self.given.imu.first().filter(|_| !self.is_running())?;
+        let first = self.received.imu.first().filter(|_| !self.is_running())?;
         Some((first.time_s, self.newest_imu_s))
     }
 
     fn wait(&mut self, record: Record) {
         let after = self
             .waiting
-            .partition_point(|other| other.time_s() <= record.time_s());
+            .partition_point(|waiting| waiting.time_s() <= record.time_s());
         self.waiting.insert(after, record);
     }
 
     fn refuse(&mut self, sensor: String, record: usize, time_s: f64) {
-        // What comes before the start is named by the start.
+        // The start itself lists the records refused before it.
         if let Stage::Running(running) = &mut self.stage {
             running.rejections.push(Rejection {
                 sensor,
@@ -222,18 +232,23 @@ impl Online {
         }
     }
 
-    /// Does what the records so far allow.
+    /// Makes the updates that the records so far allow.
     fn advance(&mut self) -> Result<Vec<Update>> {
         let mut updates = Vec::new();
         if let Stage::Starting { next_s } = &mut self.stage {
-            let first = self.given.imu.first();
+            let first = self.received.imu.first();
             let Some(first) = first.filter(|_| self.newest_imu_s >= *next_s) else {
                 return Ok(updates);
             };
             let first_s = first.time_s;
-            // Later and later, so that all tries together cost no more than a few.
+            // Ever longer intervals, so that all attempts together cost no more than a few.
             *next_s = self.newest_imu_s + (0.25 * (self.newest_imu_s - first_s)).max(0.5);
-            match start(&self.given, self.newest_imu_s, &self.settings, self.options)? {
+            match start(
+                &self.received,
+                self.newest_imu_s,
+                &self.settings,
+                self.options,
+            )? {
                 Start::Made(running, update) => {
                     self.started(running);
                     updates.push(update);
@@ -259,11 +274,11 @@ impl Online {
                 }
                 None => return Ok(updates),
             };
-            // All that is no later, fixes of other sensors at the same time included.
+            // All records up to that time, including fixes of other sensors at the same time.
             let count = self
                 .waiting
                 .partition_point(|record| record.time_s() <= until_s + SAME_INSTANT_S);
-            let mut fit = Vec::with_capacity(count);
+            let mut in_order = Vec::with_capacity(count);
             for record in self.waiting.drain(..count) {
                 let (stream, number) = match &record {
                     Record::Position(sensor, fix) => (*sensor, fix.record),
@@ -271,7 +286,7 @@ impl Online {
                 };
                 if record.time_s() > self.taken_s[stream] {
                     self.taken_s[stream] = record.time_s();
-                    fit.push(record);
+                    in_order.push(record);
                 } else {
                     running.rejections.push(Rejection {
                         sensor: match &record {
@@ -287,14 +302,14 @@ impl Online {
                     });
                 }
             }
-            if fit.is_empty() && fix.is_some() {
+            if in_order.is_empty() && fix.is_some() {
                 continue;
             }
-            updates.push(running.advance(fit.into_iter(), until_s, &self.settings)?);
+            updates.push(running.advance(in_order.into_iter(), until_s, &self.settings)?);
         }
     }
 
-    /// From now on the smoother runs: what it has taken in waits no more.
+    /// The smoother runs from now on: the records that the start took in no longer wait.
     fn started(&mut self, running: Box<Running>) {
         self.waits_for = None;
         let newest_s = self.newest_imu_s;
@@ -314,12 +329,12 @@ impl Online {
         matches!(self.stage, Stage::Running(_))
     }
 
-    /// Why the start has not been made, as of the last try; `None` before it, and once the smoother runs.
+    /// Why the last attempt to start failed; `None` before the first attempt, and once the smoother runs.
     pub fn waits_for(&self) -> Option<&str> {
         self.waits_for.as_deref()
     }
 
-    /// Records refused so far, in the order in which that was seen.
+    /// Records refused so far, in the order in which they were refused.
     pub fn rejections(&self) -> &[Rejection] {
         match &self.stage {
             Stage::Starting { .. } => &[],
@@ -328,10 +343,11 @@ impl Online {
     }
 
     /// The trajectory so far: a pose at every IMU sample up to the newest node, smoothed by all
-    /// records taken in, at the present linearisation points. Costs as much as the drive is long.
+    /// records taken in, at the present linearisation points. The cost grows with the length of
+    /// the drive.
     ///
     /// # Errors
-    /// The start has not been made, or there is a single node.
+    /// The start has not been made, or there is only one node.
     pub fn full(&mut self) -> Result<Trajectory> {
         match &mut self.stage {
             Stage::Running(running) => trajectory_so_far(running),
@@ -343,20 +359,24 @@ impl Online {
         }
     }
 
-    /// The end of the drive: every node relinearised, every record tested with all others, the
-    /// constants of the settings estimated: the adjustment of the whole drive, from the online
-    /// estimates as start values.
+    /// Ends the drive: adjusts it as a whole, with the online estimates as start values. Every node is
+    /// relinearised, every record is tested against all others, and the constants that the settings name
+    /// are estimated.
     ///
     /// # Errors
     /// As for [`estimate`].
     pub fn finish(self, progress: &dyn Progress) -> Result<Estimate> {
         match self.stage {
-            Stage::Running(running) => finish(&self.given, *running, &self.asked, progress),
-            Stage::Starting { .. } => estimate(&self.given.logs(), &self.asked, progress),
+            Stage::Running(running) => {
+                finish(&self.received, *running, &self.project_settings, progress)
+            }
+            Stage::Starting { .. } => {
+                estimate(&self.received.logs(), &self.project_settings, progress)
+            }
         }
     }
 
-    /// Where the estimate was lost and followed the records again.
+    /// When the estimate was lost and followed the records again.
     pub fn jumps(&self) -> &[Jump] {
         match &self.stage {
             Stage::Starting { .. } => &[],
@@ -388,6 +408,6 @@ fn not_finite(log: &str, record: usize, time_s: f64) -> Error {
              deviation that is not positive",
             record + 1
         ),
-        "remove the record or mend the value",
+        "remove the record or correct the value",
     )
 }

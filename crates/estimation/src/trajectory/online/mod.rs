@@ -1,10 +1,11 @@
-//! The trajectory during the drive: one update per position fix, with the factors of the batch.
+//! The trajectory during the drive: one update per position fix, with the factors of the whole-drive
+//! adjustment.
 
 mod finish;
 mod gate;
 mod live;
-mod meeting;
 mod options;
+mod overlap;
 mod records;
 mod rests;
 mod running;

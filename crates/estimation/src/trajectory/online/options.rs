@@ -21,7 +21,7 @@ pub struct Thresholds {
 }
 
 impl Thresholds {
-    /// Nothing is small enough.
+    /// No step is small enough.
     pub const ZERO: Self = Self {
         attitude_rad: 0.0,
         position_m: 0.0,
@@ -30,44 +30,45 @@ impl Thresholds {
         accel_m_s2: 0.0,
     };
 
-    /// Whether any component of a node's step is farther than this from another step.
-    pub(super) fn node_passes(&self, a: &[f64; NODE], b: &[f64; NODE]) -> bool {
+    /// Whether two steps of a node differ in any component by more than this.
+    pub(super) fn node_steps_differ(&self, a: &[f64; NODE], b: &[f64; NODE]) -> bool {
         let limits = [self.attitude_rad, self.position_m, self.velocity_m_s];
         (0..NODE).any(|i| (a[i] - b[i]).abs() > limits[i / 3])
     }
 
-    /// The same for a bias.
-    pub(super) fn bias_passes(&self, a: &[f64; BIAS], b: &[f64; BIAS]) -> bool {
+    /// The same for steps of a bias.
+    pub(super) fn bias_steps_differ(&self, a: &[f64; BIAS], b: &[f64; BIAS]) -> bool {
         let limits = [self.gyro_rad_s, self.accel_m_s2];
         (0..BIAS).any(|i| (a[i] - b[i]).abs() > limits[i / 3])
     }
 }
 
 impl Thresholds {
-    pub(super) fn biases_pass(&self, a: &ImuBias, b: &ImuBias) -> bool {
-        let off = |a: &Vec3, b: &Vec3, limit: f64| (a - b).amax() > limit;
-        off(&a.gyro_rad_s, &b.gyro_rad_s, self.gyro_rad_s)
-            || off(&a.accel_m_s2, &b.accel_m_s2, self.accel_m_s2)
+    /// The same for biases themselves.
+    pub(super) fn biases_differ(&self, a: &ImuBias, b: &ImuBias) -> bool {
+        let differ = |a: &Vec3, b: &Vec3, limit: f64| (a - b).amax() > limit;
+        differ(&a.gyro_rad_s, &b.gyro_rad_s, self.gyro_rad_s)
+            || differ(&a.accel_m_s2, &b.accel_m_s2, self.accel_m_s2)
     }
 }
 
-/// How the online smoother works.
+/// Options of the online smoother.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnlineOptions {
     /// Nodes and biases are relinearised where their step from the linearisation point exceeds this.
     pub relinearise: Thresholds,
     /// Back-substitution ends where steps change by less than this.
     pub wildfire: Thresholds,
-    /// Nodes, counted from the newest, among which elimination may start again: what bounds the
-    /// cost of an update. Older ones keep their linearisation points until the end.
+    /// Number of nodes, counted from the newest, at which elimination may start again: it bounds the cost
+    /// of an update. Older nodes keep their linearisation points until the end.
     pub reach: usize,
     /// Shortest time before the start, seconds.
     pub start_s: f64,
 }
 
 impl Default for OnlineOptions {
-    /// A step within these thresholds is wrong by the product of two of them: micrometres at the
-    /// newest node.
+    /// The linearisation error of a step within these thresholds is of the order of the product of two of
+    /// them: micrometres at the newest node.
     fn default() -> Self {
         Self {
             relinearise: Thresholds {

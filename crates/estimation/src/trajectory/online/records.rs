@@ -1,4 +1,4 @@
-//! Records as they come.
+//! Records as they arrive.
 
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 use crate::trajectory::streams::{MotionLogs, Numbered, Stream};
@@ -34,16 +34,16 @@ impl Record {
     }
 }
 
-/// All records as they came.
+/// All records in the order in which they arrived.
 #[derive(Debug, Clone, Default)]
-pub struct Given {
+pub struct ReceivedLogs {
     pub imu: Vec<ImuSample>,
     pub positions: Vec<Vec<PositionFix>>,
     pub heading: Vec<HeadingFix>,
 }
 
-impl Given {
-    /// As the batch takes them.
+impl ReceivedLogs {
+    /// The logs as the adjustment of a whole drive takes them.
     pub fn logs(&self) -> MotionLogs<'_> {
         MotionLogs {
             imu: &self.imu,

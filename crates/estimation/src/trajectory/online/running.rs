@@ -1,4 +1,4 @@
-//! The smoother at work: records in time order become factors.
+//! The running smoother: records in time order become factors.
 
 use super::gate::{Decision, Gate, innovation};
 use super::records::Record;
@@ -19,14 +19,14 @@ use crate::trajectory::states::NodeState;
 use crate::trajectory::streams::{Names, Numbered, Stream, Streams};
 use crate::trajectory::timeline::MAX_STEP_S;
 
-/// Where a node is linearised whose start value is known.
+/// Start values of motion and bias at a time, where they are known.
 pub type Guess<'a> = dyn Fn(f64) -> (NodeState, ImuBias) + 'a;
 
 /// Everything after the start.
 #[derive(Debug, Clone)]
 pub struct Running {
     pub smoother: Smoother,
-    /// What has been taken in, in time order.
+    /// The records taken in, in time order.
     pub streams: Streams,
     pub rejections: Vec<Rejection>,
     pub jumps: Vec<Jump>,
@@ -52,10 +52,10 @@ impl Running {
         }
     }
 
-    /// Takes a sample, later than all before, and those that bridge a gap before it.
+    /// Takes a sample that is later than all before it, and adds those that bridge a gap before it.
     ///
     /// # Errors
-    /// More gaps than a log has.
+    /// Gaps that would take too many samples to bridge.
     pub fn sample(&mut self, sample: ImuSample, scatter: &Scatter, noise: &ImuNoise) -> Result<()> {
         let last = self.streams.imu[self.streams.imu.len() - 1];
         let interval_s = self.streams.imu.interval_s;
@@ -80,14 +80,14 @@ impl Running {
         self.smoother.graph.timeline.pose_s.push(sample.time_s);
     }
 
-    /// Nodes, no farther apart than allowed, until one is within the longest step of `time_s`.
+    /// Adds nodes, no farther apart than allowed, until the newest is within the longest step of `time_s`.
     pub fn bridge_to(&mut self, time_s: f64, guess: Option<&Guess<'_>>) -> Result<()> {
         loop {
             let newest_s = self.smoother.newest_s();
             if time_s - newest_s <= MAX_STEP_S + SAME_INSTANT_S {
                 return Ok(());
             }
-            // At a sample, where it is not too near.
+            // At a sample, unless it is too near the newest node.
             let samples = &self.smoother.graph.timeline.pose_s;
             let after = samples.partition_point(|&t| t <= newest_s + MAX_STEP_S + SAME_INSTANT_S);
             let near_s = newest_s + 0.5 * MAX_STEP_S;
@@ -99,7 +99,7 @@ impl Running {
         }
     }
 
-    /// A new node.
+    /// Adds a node.
     fn node(&mut self, time_s: f64, guess: Option<&Guess<'_>>) -> Result<()> {
         let step = self.smoother.steps();
         let timeline = &self.smoother.graph.timeline;
@@ -114,7 +114,7 @@ impl Running {
             .append(&self.streams.imu, time_s, begins, guess.as_ref())
     }
 
-    /// A node at a fix, unless one is as near as half a sample.
+    /// Adds a node at a fix, unless the newest is as near as half the interval between samples.
     pub fn node_at_fix(&mut self, time_s: f64, guess: Option<&Guess<'_>>) -> Result<()> {
         self.bridge_to(time_s, guess)?;
         let samples = &self.smoother.graph.timeline.pose_s;
@@ -129,7 +129,7 @@ impl Running {
         Ok(())
     }
 
-    /// Takes a position in; at its weight where that is known, else by the innovation test.
+    /// Takes a position in, with this weight or, without one, with that of the innovation test.
     pub fn position(
         &mut self,
         sensor: usize,
@@ -173,7 +173,7 @@ impl Running {
         Ok(())
     }
 
-    /// Takes a heading in, likewise.
+    /// Takes a heading in, with this weight or, without one, with that of the innovation test.
     pub fn heading(
         &mut self,
         fix: &Numbered<HeadingFix>,
@@ -214,8 +214,8 @@ impl Running {
         Ok(())
     }
 
-    /// The weight of a tested record; names it where it is refused, and lets the estimate jump by
-    /// what it misses the record where it follows.
+    /// The weight of a tested record. A refused one is listed. Where the estimate has to follow, it may jump
+    /// by `missed`, its distances from the record in rotation, position and velocity.
     fn consequence(
         &mut self,
         decision: Decision,
@@ -245,7 +245,7 @@ impl Running {
         }
     }
 
-    /// Names a record (from 0) that takes no part.
+    /// Lists a record (its number from 0) that is not used.
     pub fn refuse(
         &mut self,
         stream: Stream,
@@ -262,7 +262,7 @@ impl Running {
         });
     }
 
-    /// Of the newest node and bias.
+    /// The covariance of the newest node and bias.
     fn covariance(&self) -> [[f64; TAIL]; TAIL] {
         tail_covariance(&self.smoother.factor.tail().0.rows)
     }
@@ -275,7 +275,7 @@ impl Running {
         until_s: f64,
         settings: &TrajectorySettings,
     ) -> Result<Update> {
-        let (rejected, jumped) = (self.rejections.len(), self.jumps.len());
+        let (first_rejection, first_jump) = (self.rejections.len(), self.jumps.len());
         for record in records {
             match record {
                 Record::Position(sensor, fix) => {
@@ -300,13 +300,13 @@ impl Running {
             self.hold_rests(settings, node_s);
         }
         let work = self.update()?;
-        Ok(self.newest(work, rejected, jumped))
+        Ok(self.newest(work, first_rejection, first_jump))
     }
 
-    /// Holds the velocity at the nodes where the body has rested, up to `until_s`.
+    /// Holds the velocity at zero at the nodes up to `until_s` at which the body rested.
     pub fn hold_rests(&mut self, settings: &TrajectorySettings, until_s: f64) {
-        while let Some(rest) = self.rests.seen(&self.streams, settings, until_s) {
-            if let Some(step) = self.smoother.graph.rest(&rest) {
+        while let Some(rest) = self.rests.next_rest(&self.streams, settings, until_s) {
+            if let Some(step) = self.smoother.graph.hold_rest(&rest) {
                 // Steps out of reach keep what they have.
                 self.smoother.touch(step.max(self.smoother.reach()));
             }
@@ -318,8 +318,8 @@ impl Running {
         self.smoother.update(&self.streams.imu)
     }
 
-    /// The newest pose, and what has been refused since.
-    pub fn newest(&self, work: Work, rejected: usize, jumped: usize) -> Update {
+    /// The newest pose, with the rejections and jumps from these numbers on.
+    pub fn newest(&self, work: Work, first_rejection: usize, first_jump: usize) -> Update {
         let step = self.smoother.steps();
         let node = self.smoother.node(step);
         let sigma = self.covariance();
@@ -340,8 +340,8 @@ impl Running {
             },
             relinearised: work.relinearised,
             eliminated: work.eliminated,
-            rejected: self.rejections[rejected..].to_vec(),
-            jumps: self.jumps[jumped..].to_vec(),
+            rejected: self.rejections[first_rejection..].to_vec(),
+            jumps: self.jumps[first_jump..].to_vec(),
         }
     }
 }

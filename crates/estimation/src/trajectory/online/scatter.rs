@@ -1,4 +1,4 @@
-//! The scatter of IMU samples so far: the noise of those that bridge a gap.
+//! The scatter of the IMU samples so far, which gives the noise of samples that bridge a gap.
 
 use crate::geometry::{self, Vec3};
 use crate::sensor::ImuSample;
@@ -39,7 +39,7 @@ impl Scatter {
         self.count as usize
     }
 
-    /// Noise of a sample that was not recorded; as for whole drives.
+    /// Noise of a sample that was not recorded, as for whole drives.
     pub fn bridge_noise(&self, noise: &ImuNoise) -> ImuNoise {
         let density =
             |square: f64| (square / (3.0 * self.count) * 2.0 * MOTION_CORRELATION_S).sqrt();
@@ -73,8 +73,8 @@ mod tests {
             accel_bias_walk: 1e-4,
         };
         let whole = crate::trajectory::gaps::bridge_noise(&samples, &noise);
-        let found = scatter.bridge_noise(&noise);
-        assert!((found.gyro_density / whole.gyro_density - 1.0).abs() < 1e-12);
-        assert!((found.accel_density / whole.accel_density - 1.0).abs() < 1e-12);
+        let online = scatter.bridge_noise(&noise);
+        assert!((online.gyro_density / whole.gyro_density - 1.0).abs() < 1e-12);
+        assert!((online.accel_density / whole.accel_density - 1.0).abs() < 1e-12);
     }
 }

@@ -17,7 +17,7 @@ use std::collections::VecDeque;
 
 const UNDAMPED: [f64; TAIL] = [0.0; TAIL];
 
-/// What one update has done.
+/// The work done by one update.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
     /// Fronts eliminated.
@@ -26,7 +26,7 @@ pub struct Work {
     pub relinearised: usize,
 }
 
-/// The graph, where it is linearised, its factor, and the step from there to the estimate.
+/// The graph, its linearisation point, its factor, and the step from that point to the estimate.
 #[derive(Debug, Clone)]
 pub struct Smoother {
     pub graph: Graph,
@@ -42,7 +42,7 @@ pub struct Smoother {
     bias_begin: Vec<usize>,
     /// The first step whose front is out of date.
     changed: usize,
-    /// The first step whose front is newer than the steps to the estimates.
+    /// The first step whose front has changed since the last back-substitution.
     unsolved: usize,
     /// Steps that may jump.
     loose: Vec<usize>,
@@ -52,7 +52,7 @@ pub struct Smoother {
 }
 
 impl Smoother {
-    /// Of the single node of `graph`, linearised at `state`.
+    /// A smoother of a graph with a single node, linearised at `state`.
     pub fn new(graph: Graph, state: State, options: OnlineOptions) -> Self {
         Self {
             carries: VecDeque::from([Carry::new(&graph.prior(&state))]),
@@ -85,7 +85,7 @@ impl Smoother {
         self.state.nodes[node].retracted(&self.node_step[node])
     }
 
-    /// The estimate of the bias in force in a step; of the newest one in a step to come.
+    /// The estimate of the bias in force in a step; in the step that is not complete yet, the newest.
     pub fn bias(&self, step: usize) -> ImuBias {
         let bias = self.graph.layout().segment(step);
         self.state.biases[bias].retracted(&self.bias_step[bias])
@@ -96,13 +96,13 @@ impl Smoother {
         self.first_carry
     }
 
-    /// The fronts from `step` on are out of date.
+    /// Marks the fronts from `step` on as out of date.
     pub fn touch(&mut self, step: usize) {
         self.changed = self.changed.min(step);
     }
 
-    /// A step to a new node at `time_s`, linearised at `guess` or where the IMU leads; a new bias
-    /// begins at the newest node where `begins`.
+    /// Adds a step to a new node at `time_s`, linearised at `guess` or, without one, at the prediction by
+    /// the IMU. With `begins`, a new bias begins at the newest node.
     pub fn append(
         &mut self,
         imu: &ImuSeries,
@@ -134,8 +134,8 @@ impl Smoother {
         Ok(())
     }
 
-    /// Brings fronts, root and the steps to the estimates up to date, and relinearises what has
-    /// moved too far.
+    /// Brings fronts, root and the steps to the estimates up to date, and relinearises nodes and biases
+    /// that have moved too far.
     pub fn update(&mut self, imu: &ImuSeries) -> Result<Work> {
         let wildfire = self.options.wildfire;
         self.eliminate()?;
@@ -151,7 +151,7 @@ impl Smoother {
         })
     }
 
-    /// Lets the newest step jump by these sizes of rotation, position and velocity.
+    /// Lets the newest step jump, with these standard deviations of rotation, position and velocity.
     pub fn loosen_newest_step(&mut self, imu: &ImuSeries, sigma: [f64; 3]) {
         if let Some(step) = self.steps().checked_sub(1) {
             let about = self.bias(step);
@@ -166,7 +166,7 @@ impl Smoother {
         let steps = self.steps();
         let from = self.changed;
         self.carries.truncate(from - self.first_carry + 1);
-        let free = |step: usize, graph: &Graph| {
+        let not_determined = |step: usize, graph: &Graph| {
             Error::of(
                 Problem::NotDetermined,
                 format!(
@@ -182,12 +182,12 @@ impl Smoother {
                 let old = self.graph.layout().segment_of_step[step] as usize - 1;
                 let walk = self.graph.walk(&self.state, old);
                 if !carry.change_segment(&walk, &UNDAMPED, self.factor.change_mut(old)) {
-                    return Err(free(step, &self.graph));
+                    return Err(not_determined(step, &self.graph));
                 }
             }
             let mut system = self.graph.step_system(&self.state, step);
             if !carry.eliminate_step(&mut system, &UNDAMPED, self.factor.step_mut(step)) {
-                return Err(free(step, &self.graph));
+                return Err(not_determined(step, &self.graph));
             }
             self.carries.push_back(carry);
             if self.carries.len() > self.options.reach + 1 {
@@ -200,14 +200,14 @@ impl Smoother {
         let mut root = self.carries[steps - self.first_carry].clone();
         root.add_newest(&self.graph.newest_system(&self.state));
         if !root.eliminate_tail(&UNDAMPED, self.factor.tail_mut()) {
-            return Err(free(steps, &self.graph));
+            return Err(not_determined(steps, &self.graph));
         }
         self.eliminated += steps - from;
         self.solve_root();
         Ok(())
     }
 
-    /// The step of the newest node and bias.
+    /// Solves for the steps of the newest node and bias.
     fn solve_root(&mut self) {
         let (tail, _) = self.factor.tail();
         let x = solve_rows::<TAIL, TAIL>(&tail.rows, &tail.y, [0.0; TAIL]);
@@ -219,8 +219,8 @@ impl Smoother {
         self.bias_step[k] = bias;
     }
 
-    /// From the root back as long as steps change by more than `wildfire`, and at least through
-    /// the fronts that are new; to the first step without thresholds. The first node reached.
+    /// Substitutes back from the root as long as steps change by more than `wildfire`, and at least through
+    /// the fronts that are new; without thresholds, to the first step. Returns the first node reached.
     pub fn back_substitute(&mut self, wildfire: Option<&Thresholds>) -> usize {
         self.solve_root();
         let steps = self.steps();
@@ -238,7 +238,8 @@ impl Smoother {
             let x = solve_rows::<NODE, STEP>(&front.rows, &front.y, x);
             let mut node = [0.0; NODE];
             node.copy_from_slice(&x[..NODE]);
-            let mut moved = wildfire.is_none_or(|w| w.node_passes(&node, &self.node_step[step]));
+            let mut moved =
+                wildfire.is_none_or(|w| w.node_steps_differ(&node, &self.node_step[step]));
             self.node_step[step] = node;
             if self.graph.layout().changes_before(step) {
                 let mut x = [0.0; CHANGE];
@@ -248,10 +249,11 @@ impl Smoother {
                 let x = solve_rows::<BIAS, CHANGE>(&front.rows, &front.y, x);
                 let mut old = [0.0; BIAS];
                 old.copy_from_slice(&x[..BIAS]);
-                moved |= wildfire.is_none_or(|w| w.bias_passes(&old, &self.bias_step[bias - 1]));
+                moved |=
+                    wildfire.is_none_or(|w| w.bias_steps_differ(&old, &self.bias_step[bias - 1]));
                 self.bias_step[bias - 1] = old;
             }
-            // One calm node may lie between the newest, whose change is not seen, and moved ones.
+            // A calm node may lie between the newest node, whose change is not tested, and nodes that moved.
             calm = if moved { 0 } else { calm + 1 };
             if calm > 1 && step <= self.unsolved {
                 self.unsolved = steps;
@@ -262,8 +264,8 @@ impl Smoother {
         first
     }
 
-    /// Moves the linearisation points of the nodes and biases from node `lowest` on that are off
-    /// by more than the thresholds to the estimates; how many nodes.
+    /// Moves the linearisation points of nodes and biases to their estimates, from node `lowest` on, where
+    /// they are off by more than the thresholds. Returns the number of nodes.
     fn relinearise(&mut self, imu: &ImuSeries, lowest: usize) -> usize {
         let limit = self.options.relinearise;
         let none = ([0.0; NODE], [0.0; BIAS]);
@@ -272,7 +274,7 @@ impl Smoother {
         let mut again = usize::MAX;
         for i in lowest..self.state.nodes.len() {
             // The step before is linearised at this node too.
-            if (i > first || i == 0) && limit.node_passes(&self.node_step[i], &none.0) {
+            if (i > first || i == 0) && limit.node_steps_differ(&self.node_step[i], &none.0) {
                 self.state.nodes[i] = self.node(i);
                 self.node_step[i] = none.0;
                 again = again.min(i.saturating_sub(1));
@@ -282,14 +284,14 @@ impl Smoother {
         let lowest_bias = self.graph.layout().segment(lowest);
         for k in lowest_bias..self.state.biases.len() {
             let begin = self.bias_begin[k];
-            if begin >= first && limit.bias_passes(&self.bias_step[k], &none.1) {
+            if begin >= first && limit.bias_steps_differ(&self.bias_step[k], &none.1) {
                 self.state.biases[k] = self.state.biases[k].retracted(&self.bias_step[k]);
                 self.bias_step[k] = none.1;
                 let end = self.bias_begin.get(k + 1).copied();
                 for step in begin..end.unwrap_or(self.graph.timeline.steps()) {
                     let (now, summed) = (&self.state.biases[k], self.graph.imu[step].sums.bias);
-                    if limit.biases_pass(now, &summed) && !self.loose.contains(&step) {
-                        self.graph.sum_anew(imu, step, now);
+                    if limit.biases_differ(now, &summed) && !self.loose.contains(&step) {
+                        self.graph.reintegrate(imu, step, now);
                     }
                 }
                 again = again.min(begin);
@@ -305,7 +307,7 @@ impl Smoother {
         count
     }
 
-    /// All unknowns at their estimates.
+    /// The estimates of all unknowns.
     pub fn estimate(&mut self) -> State {
         self.back_substitute(None);
         let biases = self.state.biases.iter().zip(&self.bias_step);

@@ -1,7 +1,7 @@
-//! The start: the first seconds adjusted as a whole, then taken in step by step.
+//! The start: the first seconds are adjusted as a whole, then taken in step by step.
 
 use super::options::OnlineOptions;
-use super::records::{Given, Record};
+use super::records::{ReceivedLogs, Record};
 use super::running::Running;
 use super::smoother::Smoother;
 use super::update::Update;
@@ -18,18 +18,18 @@ use crate::trajectory::states::State;
 use crate::trajectory::streams::{MotionLogs, Names, Stream, Streams};
 use std::collections::HashMap;
 
-/// The median interval of so many samples shows whether times are in seconds.
+/// The median interval of this many samples shows whether times are in seconds.
 pub const UNIT_KNOWN_AFTER: usize = 50;
 
-/// Records up to a time, and their numbers.
+/// Records up to a time, and their numbers in the log.
 fn until<T: Timed + Copy>(records: &[T], time_s: f64) -> (Vec<T>, Vec<usize>) {
     let numbered = records.iter().copied().enumerate();
-    let kept = numbered.filter(|(_, record)| record.time_s() <= time_s);
-    let (numbers, records) = kept.unzip();
+    let earlier = numbered.filter(|(_, record)| record.time_s() <= time_s);
+    let (numbers, records) = earlier.unzip();
     (records, numbers)
 }
 
-/// The numbers in the logs of the records that the start takes.
+/// For the records that the start takes, their numbers in the logs.
 struct Numbers {
     imu: Vec<usize>,
     positions: Vec<Vec<usize>>,
@@ -37,7 +37,7 @@ struct Numbers {
 }
 
 impl Numbers {
-    fn of(&self, stream: Stream) -> &[usize] {
+    fn of_stream(&self, stream: Stream) -> &[usize] {
         match stream {
             Stream::Imu => &self.imu,
             Stream::Position(sensor) => &self.positions[sensor],
@@ -46,7 +46,7 @@ impl Numbers {
     }
 }
 
-/// What came of a try.
+/// The outcome of an attempt to start.
 pub enum Start {
     /// The smoother at the end of the records so far.
     Made(Box<Running>, Update),
@@ -57,19 +57,20 @@ pub enum Start {
 /// Tries to start.
 ///
 /// # Errors
-/// Logs that no further records can mend: times in a wrong unit, stamps in bursts.
+/// Faults of the logs that further records cannot cure: times in a wrong unit, stamps in bursts.
 pub fn start(
-    given: &Given,
+    received: &ReceivedLogs,
     newest_imu_s: f64,
     settings: &TrajectorySettings,
     options: OnlineOptions,
 ) -> Result<Start> {
-    let of_sensor = given.positions.iter();
-    let (positions, position_numbers): (Vec<_>, Vec<_>) =
-        of_sensor.map(|fixes| until(fixes, newest_imu_s)).unzip();
-    let (heading, heading_numbers) = until(&given.heading, newest_imu_s);
+    let position_logs = received.positions.iter();
+    let (positions, position_numbers): (Vec<_>, Vec<_>) = position_logs
+        .map(|fixes| until(fixes, newest_imu_s))
+        .unzip();
+    let (heading, heading_numbers) = until(&received.heading, newest_imu_s);
     // The smoother must not continue from a stamp that leaps ahead.
-    let (imu, imu_numbers) = until(&given.imu, newest_imu_s);
+    let (imu, imu_numbers) = until(&received.imu, newest_imu_s);
     let logs = MotionLogs {
         imu: &imu,
         positions: &positions,
@@ -92,17 +93,17 @@ pub fn start(
     };
     // Later records may determine what the first seconds do not, and outweigh their outliers.
     Ok(
-        match adjusted(&logs, given, &numbers, (newest_imu_s, settings, options)) {
+        match adjusted(&logs, received, &numbers, (newest_imu_s, settings, options)) {
             Ok((running, update)) => Start::Made(Box::new(running), update),
             Err(error) => Start::NotYet(error),
         },
     )
 }
 
-/// The first seconds adjusted, and taken in.
+/// Adjusts the first seconds and takes them in.
 fn adjusted(
     logs: &MotionLogs<'_>,
-    given: &Given,
+    received: &ReceivedLogs,
     numbers: &Numbers,
     (newest_imu_s, settings, options): (f64, &TrajectorySettings, OnlineOptions),
 ) -> Result<(Running, Update)> {
@@ -111,13 +112,13 @@ fn adjusted(
     if adjusted.ended.stop != StopReason::Converged {
         return Err(Error::of(
             Problem::TooFew,
-            "the first seconds make no trajectory",
-            "wait for more",
+            "the first seconds do not determine a trajectory",
+            "wait for more records",
         ));
     }
     let mut running = at_first_node(&adjusted, numbers, settings, options);
     let leapt = |sample: &ImuSample| sample.time_s > newest_imu_s;
-    for (record, sample) in given.imu.iter().enumerate() {
+    for (record, sample) in received.imu.iter().enumerate() {
         if leapt(sample) {
             let at = (record, sample.time_s);
             running.refuse(Stream::Imu, at, RejectionReason::TimeOrder, settings);
@@ -136,7 +137,7 @@ fn adjusted(
     Ok((running, update))
 }
 
-/// With no record taken in.
+/// The smoother at its first node, before it takes in a record.
 fn at_first_node(
     adjusted: &Adjusted,
     numbers: &Numbers,
@@ -155,9 +156,9 @@ fn at_first_node(
         let mut all = (0..numbers.positions.len())
             .map(Stream::Position)
             .chain([Stream::Heading, Stream::Imu]);
-        let own = all.find(|stream| Names(settings).sensor(*stream) == rejection.sensor);
-        if let Some(stream) = own {
-            rejection.record = numbers.of(stream)[rejection.record - 1] + 1;
+        let dropped_from = all.find(|stream| Names(settings).sensor(*stream) == rejection.sensor);
+        if let Some(stream) = dropped_from {
+            rejection.record = numbers.of_stream(stream)[rejection.record - 1] + 1;
         }
     }
     streams.positions.iter_mut().for_each(Vec::clear);
@@ -165,7 +166,7 @@ fn at_first_node(
     Running::new(Smoother::new(graph, state, options), streams, settings)
 }
 
-/// Takes all records in, at the weights that the adjustment of the whole left.
+/// Takes all records in, with the weights that they have in the adjustment as a whole.
 fn take_in(
     adjusted: &Adjusted,
     numbers: &Numbers,
@@ -199,12 +200,12 @@ fn take_in(
         match record {
             Record::Position(sensor, mut fix) => {
                 running.node_at_fix(time_s, Some(&guess))?;
-                fix.record = numbers.of(stream)[number];
+                fix.record = numbers.of_stream(stream)[number];
                 running.position(sensor, &fix, settings, Some(weight))?;
             }
             Record::Heading(mut fix) => {
                 running.bridge_to(time_s, Some(&guess))?;
-                fix.record = numbers.of(stream)[number];
+                fix.record = numbers.of_stream(stream)[number];
                 running.heading(&fix, settings, Some(weight))?;
             }
         }

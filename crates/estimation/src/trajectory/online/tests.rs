@@ -1,4 +1,5 @@
-//! Streams that never meet, and logs that contradict themselves: said, not waited for.
+//! Streams that never overlap and logs that contradict themselves are errors; the smoother does not
+//! wait for more of them.
 
 use super::{Online, OnlineOptions};
 use crate::error::Result;
@@ -50,7 +51,8 @@ fn heading(time_s: f64) -> HeadingFix {
     HeadingFix::new(time_s, heading_rad(&turned), None)
 }
 
-/// Gives what arrives from one time to another, seconds, with prism and compass ahead of the IMU by so much.
+/// Passes in the records of a stretch of time, seconds, with prism and compass ahead of the IMU by these
+/// times.
 fn drive(
     online: &mut Online,
     from_s: f64,
@@ -61,21 +63,21 @@ fn drive(
         let now_s = 0.02 * f64::from(k);
         online.imu(sample(now_s))?;
         if k % 5 == 0 {
-            let mut found = fix(now_s);
-            found.time_s += prism_s;
-            online.position(0, found)?;
+            let mut fix = fix(now_s);
+            fix.time_s += prism_s;
+            online.position(0, fix)?;
         }
         if k % 10 == 0 {
-            let mut found = heading(now_s);
-            found.time_s += compass_s;
-            online.heading(found)?;
+            let mut heading = heading(now_s);
+            heading.time_s += compass_s;
+            online.heading(heading)?;
         }
     }
     Ok(())
 }
 
 #[test]
-fn streams_that_never_meet_are_an_error_and_not_waited_for() {
+fn streams_that_never_overlap_are_an_error() {
     for ahead_s in [3600.0, -3600.0] {
         for (name, ahead) in [
             ("prism log", [ahead_s, 0.0]),
@@ -130,7 +132,7 @@ fn stamps_in_bursts_are_an_error_before_the_start() {
 }
 
 #[test]
-fn why_there_is_no_start_yet_is_said() {
+fn the_smoother_tells_why_it_has_not_started() {
     let mut online = online();
     assert_eq!(online.waits_for(), None);
     for k in 0..150 {

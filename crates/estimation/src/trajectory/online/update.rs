@@ -14,7 +14,7 @@ pub struct Update {
     pub eliminated: usize,
     /// Records that this update has refused.
     pub rejected: Vec<Rejection>,
-    /// Where this update has followed records that it had refused for long.
+    /// The jumps of this update to records that had been refused for too long.
     pub jumps: Vec<Jump>,
 }
 

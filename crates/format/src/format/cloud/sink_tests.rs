@@ -1,4 +1,4 @@
-//! Tests that all cloud writers must pass.
+//! Tests that every cloud writer must pass.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -16,7 +16,7 @@ use crate::geometry::Vec3;
 type Open = fn(&Path, &CloudShape) -> Result<Box<dyn CloudSink>>;
 type Read = fn(&Path) -> Vec<Row>;
 
-/// A point that was read: position, time, intensity, dimensions.
+/// A point as written or read back: position, time, intensity and extra dimensions.
 #[derive(Debug, Clone)]
 struct Row {
     position: Vec3,
@@ -70,7 +70,7 @@ fn shape(low: Vec3, high: Vec3) -> CloudShape {
     }
 }
 
-/// Points with different values, the first with NaN in two dimensions, around `centre`.
+/// Points around `centre` with different values; the first has NaN in two dimensions.
 fn rows(centre: Vec3, count: usize) -> Vec<Row> {
     (0..count)
         .map(|i| {
@@ -189,7 +189,7 @@ fn read_copc(path: &Path) -> Vec<Row> {
             Number::F64.read(&extra[4..], false),
             Number::U32.read(&extra[12..], false),
         ];
-        // The scanner is the source and the user data as well.
+        // The scanner is also stored as the point source and the user data.
         assert_eq!(values[2], Number::U16.read(&point.record[20..], false));
         assert_eq!(values[2], f64::from(point.record[17]));
         rows.push(Row {
@@ -221,18 +221,18 @@ fn written_points_are_read_back() {
         for writer in &WRITERS {
             let path = dir.path().join(writer.name);
             write(writer, &path, &shape(low, high), &rows).unwrap();
-            let found = (writer.read)(&path);
-            assert_eq!(found.len(), rows.len(), "{}", writer.name);
-            for (found, row) in found.iter().zip(&rows) {
-                let about = format!("{}: {found:?} {row:?}", writer.name);
-                let error = (found.position - row.position).amax();
+            let points = (writer.read)(&path);
+            assert_eq!(points.len(), rows.len(), "{}", writer.name);
+            for (point, row) in points.iter().zip(&rows) {
+                let about = format!("{}: {point:?} {row:?}", writer.name);
+                let error = (point.position - row.position).amax();
                 assert!(error <= writer.step_m, "{about}");
-                assert_eq!(found.time_s, row.time_s, "{about}");
-                assert_eq!(found.intensity, row.intensity, "{about}");
+                assert_eq!(point.time_s, row.time_s, "{about}");
+                assert_eq!(point.intensity, row.intensity, "{about}");
                 let distance = f64::from(row.values[0] as f32);
-                assert!(same(found.values[0], distance), "{about}");
-                assert!(same(found.values[1], row.values[1]), "{about}");
-                assert_eq!(found.values[2], row.values[2], "{about}");
+                assert!(same(point.values[0], distance), "{about}");
+                assert!(same(point.values[1], row.values[1]), "{about}");
+                assert_eq!(point.values[2], row.values[2], "{about}");
             }
             let cloud = read_cloud(&path).unwrap();
             assert_eq!(cloud.points.len(), rows.len());
@@ -242,7 +242,7 @@ fn written_points_are_read_back() {
 }
 
 #[test]
-fn the_same_points_give_the_same_bytes_and_others_do_not() {
+fn the_same_points_give_the_same_bytes_and_other_points_give_others() {
     let dir = tempfile::tempdir().unwrap();
     let mut rows = rows(Vec3::zeros(), 5000);
     let (low, high) = bounds(&rows);
@@ -294,7 +294,7 @@ fn an_empty_cloud_is_a_file_without_points() {
 }
 
 #[test]
-fn times_intensities_and_dimensions_are_left_out() {
+fn a_cloud_without_times_intensities_and_dimensions_is_written() {
     let dir = tempfile::tempdir().unwrap();
     let rows = rows(Vec3::zeros(), 100);
     let (low, high) = bounds(&rows);
@@ -313,7 +313,7 @@ fn times_intensities_and_dimensions_are_left_out() {
 }
 
 #[test]
-fn points_that_are_not_finite_are_refused_and_the_others_are_kept() {
+fn points_that_are_not_finite_are_refused_and_the_others_are_written() {
     let dir = tempfile::tempdir().unwrap();
     let mut rows = rows(Vec3::zeros(), 3);
     let (low, high) = bounds(&rows);
@@ -364,8 +364,8 @@ fn a_sink_that_is_dropped_leaves_no_complete_file() {
         let mut sink = (writer.open)(&path, &shape(low, high)).unwrap();
         push_all(&mut *sink, &rows).unwrap();
         drop(sink);
-        let found = read_cloud(&path).map(|cloud| cloud.points.len());
-        assert!(!matches!(found, Ok(n) if n > 0), "{}", writer.name);
+        let count = read_cloud(&path).map(|cloud| cloud.points.len());
+        assert!(!matches!(count, Ok(n) if n > 0), "{}", writer.name);
     }
 }
 

@@ -13,7 +13,7 @@ use crate::format::file::guarded;
 /// busy.
 const BATCH: usize = 200_000;
 
-/// Bytes of the header with numbers of points that older versions have.
+/// Bytes of the header with the point counts of versions before 1.4.
 const LEGACY_COUNTS: Range<u64> = 107..131;
 
 /// An open LAS or LAZ file that takes complete point records. The same records give the same bytes
@@ -23,7 +23,7 @@ pub(crate) struct LasOut {
     /// `None` once it has been closed or abandoned.
     writer: Option<las::Writer<BufWriter<File>>>,
     records: Vec<u8>,
-    /// Bytes of a record.
+    /// Bytes per record.
     length: usize,
 }
 
@@ -151,7 +151,7 @@ fn leak(writer: las::Writer<BufWriter<File>>) {
     std::mem::forget(writer);
 }
 
-/// What a writer says of an error of its encoder.
+/// The error of a file whose encoder failed.
 pub(crate) fn problem(path: &Path, error: las::Error) -> Error {
     match error {
         las::Error::Io(source) => Error::io(path, source),

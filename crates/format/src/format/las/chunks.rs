@@ -1,7 +1,7 @@
-//! The chunks of compressed files: a decoder makes up points that they do not hold, and takes the sizes of their
-//! layers (point formats 6 to 10) as memory before it reads them.
+//! Checks the chunks of compressed files before they are decoded: the decoder invents points that a chunk does not
+//! hold, and allocates the sizes that the layers claim (point formats 6 to 10) before it reads them.
 //!
-//! A chunk is its first point as it is, the number of its points (u32), the size of each layer (u32), and the
+//! A chunk is its first point uncompressed, the number of its points (u32), the size of each layer (u32), and the
 //! layers. A file may end with a table of the sizes of its chunks.
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -14,18 +14,18 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::guarded;
 use crate::format::input::{Input, Stream};
 
-/// Largest chunk that is unpacked beside others, bytes of points: cells of COPC have 100,000 points of 30 to 150
-/// bytes, those of this program up to 200,000.
+/// Largest chunk that is unpacked in parallel with others, bytes of points: COPC cells have 100,000 points of 30 to
+/// 150 bytes, those written by this program up to 200,000.
 const LARGEST_BESIDE: u64 = 32 << 20;
 
 /// Checks that the layers of every chunk end where the chunk does, within a file of `size` bytes, and that the
 /// chunks hold as many points as the header claims.
 ///
-/// Returns whether the chunks have different sizes, as in COPC, and can be unpacked side by side: a table says where
-/// each begins and how many points it has, which are together those of the header.
+/// Returns whether the chunks have different sizes, as in COPC, and can be unpacked in parallel: a table gives the
+/// start and the number of points of each, and these numbers add up to that of the header.
 ///
 /// # Errors
-/// The byte of the chunk that does not.
+/// The first chunk whose sizes contradict each other, with its byte; too few points.
 pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bool> {
     let Ok(vlr) = header.laz_vlr() else {
         return Ok(false);
@@ -39,12 +39,12 @@ pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bo
         Ok(ChunkTable::read_from(from, &vlr).ok())
     })?;
     let points = header.number_of_points();
-    let held = |table: &ChunkTable| {
+    let points_in = |table: &ChunkTable| {
         let chunks = table.as_ref().iter();
         chunks.fold(0u64, |sum, chunk| sum.saturating_add(chunk.point_count))
     };
     if let Some(table) = &table
-        && held(table) < points
+        && points_in(table) < points
     {
         let chunks = table.as_ref().len();
         return Err(Error::format(
@@ -52,7 +52,7 @@ pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bo
             Location::Byte(107),
             format!(
                 "{points} points in {chunks} chunks of {} points",
-                held(table)
+                points_in(table)
             ),
             "as many points as the chunks hold",
         ));
@@ -68,20 +68,20 @@ pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bo
     let mut chunks = Chunks {
         path: input.path(),
         file,
-        // Behind the position of the table.
+        // After the position of the table.
         at: data + ChunkTable::OFFSET_SIZE as u64,
         size,
         head: vec![0; 4 * layers],
         before_layers: vlr.items_size() + 4,
     };
     let Some(table) = table else {
-        // Without a table the chunks are read one after the other; those of variable size cannot be.
-        let of_chunk = if vlr.uses_variable_size_chunks() {
+        // Without a table the chunks are walked through; if their sizes vary, only the first can be checked.
+        let per_chunk = if vlr.uses_variable_size_chunks() {
             points
         } else {
             vlr.chunk_size().into()
         };
-        for _ in 0..points.div_ceil(of_chunk.max(1)) {
+        for _ in 0..points.div_ceil(per_chunk.max(1)) {
             chunks.next(None)?;
         }
         return Ok(false);
@@ -92,11 +92,11 @@ pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bo
         largest = chunk.point_count.max(largest);
     }
     Ok(vlr.uses_variable_size_chunks()
-        && held(&table) == points
+        && points_in(&table) == points
         && largest.saturating_mul(vlr.items_size()) <= LARGEST_BESIDE)
 }
 
-/// The layers of an item of a point; `None` if it has none because its points are compressed one by one.
+/// Number of layers of an item of the points; `None` for the older items, which have no layers.
 fn layers(item: LazItemType) -> Option<usize> {
     Some(match item {
         LazItemType::Point14 => 9,
@@ -107,7 +107,7 @@ fn layers(item: LazItemType) -> Option<usize> {
     })
 }
 
-/// Where the points begin, which the header says at byte 96.
+/// Where the points begin: byte 96 of the header.
 fn data_start(path: &Path, file: &mut Stream) -> Result<u64> {
     let mut bytes = [0; 4];
     file.seek(SeekFrom::Start(96))
@@ -122,14 +122,14 @@ struct Chunks<'a> {
     file: Stream,
     at: u64,
     size: u64,
-    /// The sizes of the layers.
+    /// Buffer for the sizes of the layers.
     head: Vec<u8>,
-    /// Bytes of a chunk before them.
+    /// Bytes of a chunk before these sizes.
     before_layers: u64,
 }
 
 impl Chunks<'_> {
-    /// Checks the next chunk, which has so many bytes if they are known.
+    /// Checks the next chunk, which has this many `bytes` according to the table, if there is one.
     fn next(&mut self, bytes: Option<u64>) -> Result<()> {
         let layers = self.at.saturating_add(self.before_layers);
         let first = layers.saturating_add(self.head.len() as u64);
@@ -167,7 +167,7 @@ mod tests {
     use crate::format::input::Input;
     use crate::format::las::file::LasFile;
 
-    /// Ten points of format 6, as the file's bytes, and where its points begin.
+    /// Writes ten points of format 6; returns the bytes of the file, and where its points begin.
     fn written(path: &std::path::Path) -> (Vec<u8>, usize) {
         let mut builder = las::Builder::from((1, 4));
         builder.point_format = las::point::Format::new(6).unwrap();
@@ -206,7 +206,7 @@ mod tests {
             let error = LasFile::open(&Input::from(&path)).err().expect("an error");
             error.to_string()
         };
-        // Behind the position of the table, the first point and the number of points.
+        // After the position of the table, the first point and the number of points.
         let sizes = data + 8 + 30 + 4;
         for size in [u32::MAX, 1 << 20, 0] {
             let found = message(sizes, size);

@@ -75,13 +75,13 @@ pub(crate) fn extra_names(file: &LasFile) -> Vec<String> {
 }
 
 impl ExtraColumn {
-    /// Whether it has a type and lies within `length` extra bytes.
+    /// Whether it has a numeric type and lies within `length` extra bytes.
     pub(crate) fn fits(&self, length: usize) -> bool {
         let size = TYPE_SIZES.get(usize::from(self.code)).copied().unwrap_or(0);
         size > 0 && self.at + size <= length
     }
 
-    /// Whether its values are whole numbers from 0 that 32 bits hold.
+    /// Whether its values are unsigned integers of at most 32 bits.
     pub(crate) fn is_small_count(&self) -> bool {
         matches!(self.code, 1 | 3 | 5) && self.scale == 1.0 && self.offset == 0.0
     }
@@ -106,7 +106,7 @@ impl ExtraColumn {
 }
 
 impl PoseColumns {
-    /// The columns, if the file has all of them, and times.
+    /// The columns, if the file has all six, and times.
     pub(crate) fn of(file: &LasFile) -> Option<Self> {
         let columns = extra_columns(file);
         let length = usize::from(file.header().point_format().extra_bytes);

@@ -1,5 +1,5 @@
-//! Defensive reading of LAS and LAZ: damaged headers must not claim memory, damaged points must not
-//! cause a panic.
+//! Defensive reading of LAS and LAZ: a damaged header must not exhaust memory, damaged points must
+//! not cause a panic.
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -13,8 +13,8 @@ use crate::geometry::Vec3;
 
 /// More points than any chunk of a compressed file contains; real files have 50,000.
 const LARGEST_CHUNK: u64 = 100_000_000;
-/// Points of a compressed file take at most this many times its size and so many bytes more: what takes more
-/// was made to keep the reader busy.
+/// The points of a compressed file unpack to at most this many times its size, plus `ALWAYS_BYTES`: a file that
+/// claims more was made to keep the reader busy.
 const MOST_EXPANDED: u64 = 250;
 const ALWAYS_BYTES: u64 = 8 << 20;
 /// Bytes of points decoded at a time, by each thread; a record may have 65,535 bytes.
@@ -117,8 +117,8 @@ impl LasFile {
         self.bytes
     }
 
-    /// Whether [`LasFile::seek`] finds points: the decoder does not where compressed chunks have
-    /// different numbers of points, as in COPC.
+    /// Whether [`LasFile::seek`] works: the decoder cannot seek if compressed chunks have different
+    /// numbers of points, as in COPC.
     pub(crate) fn can_seek(&self) -> bool {
         let laz = self.header().laz_vlr();
         !laz.is_ok_and(|laz| laz.uses_variable_size_chunks())

@@ -1,5 +1,5 @@
-//! What a LAS file says of its units and frame: the coordinate reference system in its header, as well-known text (LAS
-//! 1.4, record 2112 of `LASF_Projection`) or as GeoTIFF keys (record 34735).
+//! Units and frame of a LAS file: the coordinate reference system in its header, as well-known text (LAS 1.4, record
+//! 2112 of `LASF_Projection`) or as GeoTIFF keys (record 34735).
 
 use crate::error::Result;
 use crate::format::cloud::crs::{ANGLES, describe as describe_wkt, describe_unit};
@@ -9,7 +9,7 @@ use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::LasFile;
 use las::crs::{GeoTiffCrs, GeoTiffData};
 
-/// GeoTIFF keys: the type of the system, codes and name of it, its unit of length.
+/// GeoTIFF keys of the system: its type, names, codes and unit of length.
 const MODEL_TYPE: u16 = 1024;
 const CITATION: u16 = 1026;
 const GEOGRAPHIC: u16 = 2048;
@@ -19,7 +19,7 @@ const LINEAR_UNIT: u16 = 3076;
 /// Model types.
 const IS_PROJECTED: u16 = 1;
 const IS_GEOGRAPHIC: u16 = 2;
-/// Codes of GeoTIFF that are those of EPSG; others say that there is none.
+/// GeoTIFF codes that are EPSG codes; the others stand for no code.
 const CODES: std::ops::Range<u16> = 1024..32767;
 
 /// Units and frame of a file.
@@ -42,7 +42,7 @@ pub(crate) fn describe(input: &Input) -> Result<String> {
     Ok(match PoseColumns::of(&file) {
         Some(_) => format!("{system}; world frame, with the pose of the sensor at every point"),
         None => {
-            format!("{system}; as a cloud taken for the world, as profiles for the scanner frame")
+            format!("{system}; world frame if read as a cloud, scanner frame if read as profiles")
         }
     })
 }
@@ -96,7 +96,7 @@ fn describe_keys(keys: &GeoTiffCrs) -> String {
 
 #[cfg(test)]
 mod tests {
-    /// What is said of a file with these records of `LASF_Projection`.
+    /// The frame that `inspect` reports for a file with these records of `LASF_Projection`.
     fn frame(records: &[(u16, Vec<u8>)]) -> String {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.las");
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn the_system_is_that_of_the_well_known_text_or_of_the_keys() {
+    fn the_coordinate_system_comes_from_the_well_known_text_or_the_geotiff_keys() {
         let wkt = br#"PROJCS["UTM 32N",UNIT["metre",1],AUTHORITY["EPSG","25832"]]"#.to_vec();
         let found = frame(&[(2112, [wkt, vec![0]].concat())]);
         assert!(
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_system_metres_are_assumed() {
+    fn without_a_coordinate_system_metres_are_assumed() {
         assert!(frame(&[]).starts_with("metres (assumed: the file names no unit"));
         let damaged = frame(&[(34735, keys(&[[3072, 0, 1, 26917]])[..12].to_vec())]);
         assert!(

@@ -55,8 +55,8 @@ fn wkt(input: &Input) -> Result<Option<String>> {
     Ok(text.filter(|text| !text.is_empty()))
 }
 
-/// Points in the scanner frame with times, or with the sensor's pose for every point, from which they are
-/// transformed back into the scanner frame (these are sorted by time in memory).
+/// Points in the scanner frame with times; or points in the world with the sensor's pose for each, which are
+/// transformed back into the scanner frame and sorted by time in memory.
 fn open_profiles(input: &Input) -> Result<Box<dyn ProfileReader>> {
     let file = LasFile::open(input)?;
     Ok(match PoseColumns::of(&file) {

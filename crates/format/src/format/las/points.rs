@@ -12,8 +12,8 @@ use crate::format::input::Input;
 use crate::format::las::file::{LasFile, LasPoint};
 use crate::geometry::Vec3;
 
-/// Points decoded by one thread at a time: several of the format's chunks of 50,000, so that little
-/// is skipped before the first of them.
+/// Points decoded by one thread at a time: several of the format's chunks of 50,000, so that few
+/// points are decoded only to reach the first of them.
 const PART: u64 = 500_000;
 
 /// Number of points according to the header of a LAS or LAZ file.
@@ -50,8 +50,8 @@ pub fn stream_las(
     let parts = count.div_ceil(PART);
     let at_once = rayon::current_num_threads() as u64;
     for first in (0..parts).step_by(at_once as usize) {
-        let some = first..parts.min(first + at_once);
-        let pieces = read_parts(input, some, count, Vec::with_capacity, |points, point| {
+        let batch = first..parts.min(first + at_once);
+        let pieces = read_parts(input, batch, count, Vec::with_capacity, |points, point| {
             points.push(point.position);
         })?;
         pieces.iter().try_for_each(|piece| each(piece))?;
@@ -71,7 +71,7 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     let take = |cloud: &mut PointCloud, point: LasPoint<'_>| {
         cloud.points.push(point.position);
         cloud.intensity.push(point.intensity);
-        // Times are finite if there are any.
+        // NaN stands for a file without times.
         if !point.time_s.is_nan() {
             cloud.time_s.push(point.time_s);
         }
@@ -90,7 +90,7 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     Ok(cloud)
 }
 
-/// As [`stream_las`], with one file.
+/// As [`stream_las`], on one thread, for a file in which the decoder cannot seek.
 fn stream_in_order(
     mut file: LasFile,
     count: u64,
@@ -117,8 +117,8 @@ fn cut_off(path: &Path, found: u64, count: u64) -> Error {
     )
 }
 
-/// Decodes several parts of a file of `count` points in parallel, each of [`PART`] points: it
-/// begins with `empty`, given the number of its points, and `take`s the points in order.
+/// Decodes several parts of a file of `count` points in parallel, each of [`PART`] points: `empty`
+/// makes the result of a part for the number of its points, and `take` adds the points in order.
 fn read_parts<T: Send>(
     input: &Input,
     parts: Range<u64>,
@@ -132,14 +132,14 @@ fn read_parts<T: Send>(
         if start > 0 {
             file.seek(start)?;
         }
-        let mut found = empty((end - start) as usize);
-        read_until(&mut file, end, &mut found, &take)?;
-        Ok(found)
+        let mut part = empty((end - start) as usize);
+        read_until(&mut file, end, &mut part, &take)?;
+        Ok(part)
     };
     parts.into_par_iter().map(read_part).collect()
 }
 
-/// Decodes the points up to the one with the number `end`, which `into` `take`s in order.
+/// Decodes the points before number `end`; `take` adds them to `into` in order.
 fn read_until<T>(
     file: &mut LasFile,
     end: u64,

@@ -1,4 +1,4 @@
-//! Where the points of a LAS file lie on its grid of whole steps, their times, and their records.
+//! The records of points, their times, and the grid of whole steps on which a LAS file stores coordinates.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ const GPS_ADJUSTMENT_S: f64 = 1e9;
 /// The dimension whose values are also those of `point_source_id`.
 pub(crate) const SCANNER: &str = "scanner";
 
-/// The time of a point as LAS has it: Unix times become adjusted standard GPS time.
+/// The time of a point as LAS stores it: Unix times become adjusted standard GPS time.
 pub(crate) fn gps_time_s(clock: CloudClock, time_s: f64) -> f64 {
     match clock {
         CloudClock::Unix => gps_from_unix_s(time_s) - GPS_ADJUSTMENT_S,
@@ -45,7 +45,8 @@ pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
     }
 }
 
-/// Whether such times are flagged as adjusted standard GPS time; all others as those of the GPS week.
+/// Whether times of this clock are flagged as adjusted standard GPS time; all others are flagged as time of the GPS
+/// week.
 pub(crate) fn is_adjusted_gps(clock: CloudClock) -> bool {
     matches!(clock, CloudClock::AdjustedGps | CloudClock::Unix)
 }
@@ -103,7 +104,7 @@ impl Placement {
         Self::at(path, &(low + (high - low) / 2.0), step_m)
     }
 
-    /// Of a shape: the grid of its coordinates, or one that spans them.
+    /// For a cloud of this shape: its grid if it has one, or a grid that spans its coordinates.
     ///
     /// # Errors
     /// Bounds that are not finite.
@@ -160,9 +161,9 @@ impl Placement {
 }
 
 /// Appends the standard fields of a point to `into`, as format 6 with a time and as format 0
-/// without one. It is the first of one return; the intensity is rounded into 0 to 65535; the number
-/// of the scanner becomes the source of the point and, up to 255, the user data. Flags, class and
-/// scan angle are 0.
+/// without one. The point is return 1 of 1; the intensity is rounded into 0 to 65535; the number of
+/// the scanner becomes the point source and, up to 255, the user data. Flags, class and scan angle
+/// are 0.
 pub(crate) fn append_record(
     steps: [i32; 3],
     time_s: Option<f64>,

@@ -133,8 +133,8 @@ impl PosedPoint {
     }
 }
 
-/// Reads every point with its pose and sorts them by time. They are kept in memory, because such
-/// files are ordered by position.
+/// Reads every point with its pose and sorts them by time, in memory, because such files are
+/// ordered by position.
 fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
     let input = file.input().clone();
     let Some(columns) = PoseColumns::of(file) else {
@@ -248,7 +248,7 @@ impl PosedScan {
                     file.path(),
                     Location::Whole,
                     format!(
-                        "a point that its pose takes out of all bounds, at {} s",
+                        "a point whose coordinates overflow in the frame of its sensor, at {} s",
                         point.time_s
                     ),
                     "finite coordinates",

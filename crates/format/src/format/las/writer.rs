@@ -18,8 +18,8 @@ pub const CLOUD_STEP_M: f64 = 1e-5;
 /// Writes a LAS 1.4 file of point format 6, compressed if its name ends in `.laz`: position, GPS
 /// time, intensity, the scanner's number as `point_source_id` and, up to 255, as `user_data`, and
 /// further named values on request. Unix times become adjusted standard GPS time, and the header
-/// says so; all others are kept and said to be seconds of the GPS week. The same points give the
-/// same bytes.
+/// says so; all others are unchanged and flagged as seconds of the GPS week. The same points give
+/// the same bytes.
 pub struct CloudWriter {
     path: PathBuf,
     out: LasOut,
@@ -27,7 +27,7 @@ pub struct CloudWriter {
     has_time: bool,
     clock: CloudClock,
     dimensions: Vec<ExtraDimension>,
-    /// Which dimension is the scanner's number.
+    /// Index of the dimension that holds the scanner's number.
     scanner: Option<usize>,
     record: Vec<u8>,
 }
@@ -47,7 +47,7 @@ impl CloudWriter {
     /// system of `shape`, whose extent is not used.
     ///
     /// # Errors
-    /// As there; names of dimensions that LAS does not allow.
+    /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn around(path: &Path, offset_m: Vec3, shape: &CloudShape) -> Result<Self> {
         let shape = CloudShape {
             has_time: true,
@@ -119,7 +119,7 @@ impl CloudWriter {
     /// As [`CloudWriter::write`], with the values of the dimensions; missing ones are NaN.
     ///
     /// # Errors
-    /// As there.
+    /// As [`CloudWriter::write`].
     pub fn write_with(
         &mut self,
         point: &Vec3,
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_flagged_as_what_they_are() {
+    fn the_header_flags_the_kind_of_the_times() {
         use las::GpsTimeType::{Standard, Week};
         let folder = tempfile::tempdir().unwrap();
         // 2023-11-14 22:13:20 UTC is 1 384 035 218 s after the beginning of GPS time.

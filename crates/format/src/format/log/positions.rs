@@ -312,7 +312,7 @@ fn cartesian(row: &[f64; 14], table: &Table) -> Result<PositionFix> {
     })
 }
 
-/// Writes a log of coordinates that [`read_positions`](crate::format::read_positions) reads back exactly: with
+/// Writes a log of coordinates that `read_positions`(crate::format::read_positions) reads back exactly: with
 /// `sigma_m` if one standard deviation describes each covariance, else with three standard deviations or six
 /// covariances.
 ///

@@ -1,4 +1,4 @@
-//! What the columns of a Parquet file are: their types and the names by which tables are read.
+//! The columns of a Parquet file: their types, and the names by which tables are read.
 
 use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use ::parquet::file::metadata::ParquetMetaData;
@@ -6,28 +6,28 @@ use ::parquet::schema::types::ColumnDescriptor;
 
 use crate::format::text::unit::factor;
 
-/// The names of the columns, as a table's reader looks for them.
+/// The names of the columns, as the reader of a table looks them up.
 #[derive(Debug)]
 pub(crate) struct Header {
     pub(crate) names: Vec<String>,
-    /// The file has `x`, `y` and `z`, which have been given the names of a cloud's coordinates.
+    /// Whether the file has `x`, `y` and `z`, which were renamed to the coordinates of a cloud.
     pub(crate) is_foreign_cloud: bool,
 }
 
-/// What the numbers of a column are.
+/// The kind of number in a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Value {
     Float,
     Signed,
     Unsigned,
-    /// A time since 1970 in a fraction of a second.
+    /// Time since 1970 in fractions of a second.
     Time {
         per_second: i64,
     },
 }
 
 impl Value {
-    /// `None` if they are no numbers.
+    /// `None` if the column does not hold numbers.
     pub(super) fn of(column: &ColumnDescriptor) -> Option<Self> {
         use ConvertedType as Converted;
         if column.max_rep_level() > 0 {
@@ -91,7 +91,7 @@ impl Value {
     }
 }
 
-/// A type in words.
+/// The type of a column in words.
 pub(super) fn type_of(column: &ColumnDescriptor) -> String {
     let physical = column.physical_type();
     match (column.max_rep_level(), column.logical_type_ref()) {
@@ -131,8 +131,8 @@ const FOREIGN: [(&str, &str); 8] = [
     ("intensity", "intensity"),
 ];
 
-/// The names by which tables are read: those of the file, but `time_s` for a time stamp and the names
-/// of a cloud for `x`, `y`, `z` and what comes with them.
+/// The names by which tables are read: those of the file, but `time_s` for a time stamp, and the names
+/// of a cloud's columns for `x`, `y`, `z`, times and intensity of other programs.
 pub(super) fn header_of(content: &ParquetMetaData) -> Header {
     let columns = content.file_metadata().schema_descr().columns();
     let mut names: Vec<String> = columns.iter().map(|c| c.path().string()).collect();
@@ -151,7 +151,7 @@ pub(super) fn header_of(content: &ParquetMetaData) -> Header {
         names.iter().position(is_one)
     };
     let has = |wanted| place(&names, wanted).is_some();
-    // With a quaternion they are poses, whose frames only their names tell.
+    // With a quaternion the rows are poses, and only the native names tell their frame.
     let is_foreign_cloud = ["x", "y", "z"].into_iter().all(has) && !has("east_m") && !has("qw");
     if is_foreign_cloud {
         for (from, to) in FOREIGN {

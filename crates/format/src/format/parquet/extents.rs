@@ -1,4 +1,4 @@
-//! Extents of files as GeoParquet 1.1: a table with a polygon each, which GIS programs read.
+//! Extents of files as GeoParquet 1.1: a table with one polygon per file, which GIS programs read.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -18,14 +18,14 @@ use super::write::{CRS_KEY, problem};
 use crate::error::{Error, Result};
 use crate::format::extents::Extent;
 
-/// Columns of text, in their order before the others.
+/// Text columns, which come first, in this order.
 const TEXTS: [&str; 4] = ["plot", "date", "item", "path"];
-/// Columns of numbers behind the number of points.
+/// Number columns after the number of points.
 const HEIGHTS: [&str; 2] = ["low_up_m", "high_up_m"];
 
-/// Writes one row an extent: `plot`, `date`, `item`, `path`, `points`, `low_up_m`, `high_up_m` and `geometry`, the
-/// rectangle in the plane as WKB. The coordinate reference system is unknown to GeoParquet (`crs` is null), and stands as
-/// WKT in the metadata `crs_wkt`. The same rows give the same bytes.
+/// Writes one row per extent: `plot`, `date`, `item`, `path`, `points`, `low_up_m`, `high_up_m` and `geometry`, the
+/// rectangle in the plane as WKB. GeoParquet does not define WKT, so that `crs` is null and the coordinate reference
+/// system is stored as WKT in the metadata `crs_wkt`. The same rows give the same bytes.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -100,7 +100,7 @@ fn put<T: DataType>(
     Ok(())
 }
 
-/// The metadata that make a GeoParquet file.
+/// The metadata that make the file a GeoParquet file.
 fn geo(extents: &[Extent]) -> String {
     let bound = |from: f64, pick: &dyn Fn(f64, &Extent) -> f64| extents.iter().fold(from, pick);
     let low = |i: usize| bound(f64::INFINITY, &move |low, e: &Extent| low.min(e.low_m[i]));

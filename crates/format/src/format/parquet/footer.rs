@@ -1,8 +1,8 @@
 //! The footer of a Parquet file: checked before the library reads it.
 //!
 //! The footer is a structure in the compact protocol of Apache Thrift. The library reserves memory
-//! for as many children as a group of the schema claims, and descends as deep as the schema does:
-//! both are checked first, as is the memory that the whole content will take.
+//! for as many children as a group of the schema claims, and recurses as deep as the schema does:
+//! both are checked first, as is the memory that the decoded footer will take.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -15,11 +15,11 @@ use ::parquet::file::metadata::{
 use super::{WHOLE, damaged};
 use crate::error::{Error, Location, Result};
 
-/// Structures within structures: the format has eight levels.
+/// Most levels of nested structures: the format has eight.
 const DEEPEST: usize = 32;
-/// Groups within groups of columns.
+/// Most levels of nested groups of columns.
 const DEEPEST_SCHEMA: usize = 32;
-/// Memory that a decoded footer may take, bytes, beside the size of the file.
+/// Memory that a decoded footer may take in addition to the size of the file, bytes.
 const MOST_MEMORY: u64 = 16 << 20;
 /// Decoded size of an element of the schema, of a row group, of a column of a row group, and of an
 /// element of another list: upper bounds, bytes.
@@ -188,7 +188,7 @@ impl Walk<'_> {
         }
     }
 
-    /// A list whose elements are structures at `place`, or anything.
+    /// A list whose elements are structures of the kind `place`, or values of any type.
     fn list(&mut self, place: Place, counter: usize, depth: usize) -> Walked<()> {
         if depth > DEEPEST {
             return Err("lists that are nested too deeply");
@@ -198,7 +198,7 @@ impl Walk<'_> {
             15 => self.varint()?,
             size => u64::from(size),
         };
-        // Every element takes a byte at least, so that this ends with the bytes.
+        // Every element takes at least a byte, so that the loop ends at the end of the bytes.
         for _ in 0..size {
             self.counts[counter] += 1;
             match head & 0x0f {

@@ -1,7 +1,7 @@
 //! Tables and clouds as Apache Parquet, read and written.
 //!
-//! A file is read as the text table with the same columns: names, units in names and order are as
-//! there. A null is an empty cell. Floating-point numbers of 32 and 64 bits and all integers are
+//! A file is read like the text table with the same columns: with the same names, units in names and
+//! order. A null is an empty cell. Floating-point numbers of 32 and 64 bits and all integers are
 //! read; timestamps become seconds since 1970-01-01. Pages are unpacked here and not by the library,
 //! because it allocates what a page claims: a damaged or hostile file must not take more memory than
 //! four times its size and 64 MiB.
@@ -35,7 +35,7 @@ pub(crate) fn header(input: &Input) -> Result<Header> {
     Ok(Rows::open(input)?.into_header())
 }
 
-/// What the library says of a file that is being read.
+/// The error of a file that the library cannot read.
 fn damaged(path: &Path, at: Location, error: ParquetError) -> Error {
     match error {
         ParquetError::External(source) => match source.downcast::<std::io::Error>() {
@@ -50,5 +50,5 @@ fn damaged(path: &Path, at: Location, error: ParquetError) -> Error {
     }
 }
 
-/// What a reader expects of a file that it cannot decode.
+/// What is expected of a file that cannot be decoded.
 const WHOLE: &str = "an undamaged Parquet file";

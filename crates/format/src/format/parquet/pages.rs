@@ -32,13 +32,13 @@ impl Pool {
     }
 }
 
-/// A part of the pool, given back when dropped.
-struct Held {
+/// A share of the pool, returned when dropped.
+struct Allotment {
     pool: Arc<Pool>,
     bytes: usize,
 }
 
-impl Held {
+impl Allotment {
     fn set(&mut self, bytes: usize) {
         self.pool.used.fetch_sub(self.bytes, Ordering::Relaxed);
         self.pool.used.fetch_add(bytes, Ordering::Relaxed);
@@ -46,7 +46,7 @@ impl Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for Allotment {
     fn drop(&mut self) {
         self.set(0);
     }
@@ -54,17 +54,17 @@ impl Drop for Held {
 
 /// Reads the pages of a column.
 pub(super) struct Pages {
-    /// Believes that pages are not compressed and returns them as they are.
+    /// Was told that pages are not compressed, and so returns them packed.
     packed: SerializedPageReader<File>,
     codec: CompressionCodec,
-    /// Bytes of a value.
+    /// Bytes per value.
     width: usize,
-    dictionary: Held,
-    data: Held,
+    dictionary: Allotment,
+    data: Allotment,
 }
 
 impl Pages {
-    /// Of a column whose bytes are within the file.
+    /// The pages of a column whose bytes lie within the file.
     pub(super) fn of(
         file: &Arc<File>,
         column: &ColumnChunkMetaData,
@@ -81,7 +81,7 @@ impl Pages {
             .into_builder()
             .set_compression_codec(CompressionCodec::UNCOMPRESSED)
             .build()?;
-        let held = || Held {
+        let allotment = || Allotment {
             pool: pool.clone(),
             bytes: 0,
         };
@@ -89,12 +89,12 @@ impl Pages {
             packed: SerializedPageReader::new(file.clone(), &uncompressed, rows, None)?,
             codec,
             width,
-            dictionary: held(),
-            data: held(),
+            dictionary: allotment(),
+            data: allotment(),
         })
     }
 
-    /// Unpacks what follows the first `plain` bytes.
+    /// Unpacks the bytes after the first `plain` ones, which are not compressed.
     fn unpack(&self, packed: &[u8], plain: usize, most: usize) -> Result<Vec<u8>> {
         let Some((plain, packed)) = packed.split_at_checked(plain) else {
             return Err(general("a page that is shorter than its levels"));
@@ -126,8 +126,8 @@ impl PageReader for Pages {
             return Ok(None);
         };
         let is_dictionary = page.is_dictionary_page();
-        // The page before stays in memory until this one has been unpacked, and a dictionary is decoded
-        // as a whole.
+        // The previous page stays in memory until this one has been unpacked, and a dictionary is
+        // decoded as a whole.
         let most = if is_dictionary {
             self.dictionary.pool.left() / 2
         } else {
@@ -175,11 +175,11 @@ impl PageReader for Pages {
     }
 
     fn peek_next_page(&mut self) -> Result<Option<PageMetadata>> {
-        Err(general("pages are read in their order only"))
+        Err(general("pages can only be read in order"))
     }
 
     fn skip_next_page(&mut self) -> Result<()> {
-        Err(general("pages are read in their order only"))
+        Err(general("pages can only be read in order"))
     }
 }
 

@@ -19,10 +19,10 @@ use crate::format::input::Input;
 
 /// Rows decoded at a time.
 const BATCH: usize = 4096;
-/// Memory for pages, bytes, beside the size of the file; unpacking can double it for a moment.
+/// Memory for pages in addition to the size of the file, bytes; unpacking can double it for a moment.
 const PAGES: usize = 24 << 20;
-/// Rows that any file may have, and rows per byte beyond them: a few bytes can claim any number of
-/// equal rows.
+/// Rows that any file may have, and further rows per byte of its size: a few bytes can claim any
+/// number of equal rows.
 const MOST_ROWS: [u64; 2] = [1_000_000, 8];
 
 /// A file, read row by row.
@@ -36,12 +36,13 @@ pub(crate) struct Rows {
     pool: Arc<Pool>,
     /// Indices of the selected columns.
     selected: Vec<usize>,
-    /// Of the current row group.
+    /// The selected columns of the current row group.
     columns: Vec<Column>,
     next_group: usize,
     left_in_group: usize,
-    /// In the batch.
+    /// Position in the batch.
     at: usize,
+    /// Rows of the batch.
     batch: usize,
     /// The row last read, counted from 1.
     row: u64,
@@ -103,7 +104,7 @@ impl Rows {
         &self.header.names
     }
 
-    /// Selects the columns to read, in the order in which they are asked for.
+    /// Selects the columns to read; [`cell`](Self::cell) numbers them in this order.
     ///
     /// # Errors
     /// A column that does not hold a number in every row, or has an unknown compression.
@@ -178,10 +179,10 @@ impl Rows {
     }
 
     fn open_group(&mut self, index: usize) -> Result<()> {
-        // The readers of the group before give back their memory.
+        // The readers of the previous group return their memory to the pool.
         self.columns.clear();
         let group = self.content.row_group(index);
-        // Their sum has been checked.
+        // The sum over all groups was checked when the file was opened.
         let rows = usize::try_from(group.num_rows()).unwrap_or_default();
         for &index in &self.selected {
             let column = group.column(index);
@@ -240,14 +241,14 @@ impl Rows {
 struct Column {
     reader: ColumnReader,
     value: Value,
-    /// The definition level of what is no null.
+    /// The definition level of a value that is not null.
     present: i16,
-    /// Of the batch.
+    /// The values of the batch.
     cells: Vec<Option<f64>>,
 }
 
 impl Column {
-    /// Decodes the next `rows` rows at most; returns how many there were.
+    /// Decodes at most `rows` rows; returns how many there were.
     fn fill(&mut self, rows: usize) -> Decoded<usize> {
         let (value, present, cells) = (self.value, self.present, &mut self.cells);
         cells.clear();

@@ -19,7 +19,7 @@ fn message(name: &str) -> String {
 }
 
 #[test]
-fn files_of_other_programs_are_read_value_for_value() {
+fn files_of_other_programs_are_read_exactly() {
     for name in [
         "pyarrow_none",
         "pyarrow_snappy",
@@ -120,7 +120,7 @@ fn write_cloud(path: &Path) {
 }
 
 #[test]
-fn clouds_are_read_back_bit_by_bit() {
+fn clouds_are_read_back_bit_for_bit() {
     let dir = tempfile::tempdir().unwrap();
     let paths = ["a", "b"].map(|name| dir.path().join(name));
     paths.iter().for_each(|path| write_cloud(path));
@@ -146,7 +146,7 @@ fn clouds_are_read_back_bit_by_bit() {
 }
 
 #[test]
-fn tables_are_read_as_the_text_with_the_same_columns() {
+fn tables_are_read_like_text_tables_with_the_same_columns() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("poses.parquet");
     let names = [
@@ -182,7 +182,7 @@ fn tables_are_read_as_the_text_with_the_same_columns() {
     assert!(twice.to_string().contains("the column a twice"));
 }
 
-/// A file with this footer and nothing else.
+/// The error of a file with this footer and nothing else.
 fn with_footer(footer: &[u8]) -> String {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.parquet");
@@ -192,7 +192,7 @@ fn with_footer(footer: &[u8]) -> String {
 }
 
 #[test]
-fn claims_of_a_footer_are_checked() {
+fn sizes_that_a_footer_claims_are_checked() {
     // Version 1, then the list of the schema's elements, each with its name and number of children.
     let element = |children: &[u8]| [&[0x48, 1, b's', 0x15], children, &[0]].concat();
     let schema = |count: &[u8], elements: &[u8]| {
@@ -220,7 +220,7 @@ fn claims_of_a_footer_are_checked() {
         text.contains("nested too deeply") || text.contains("cut off"),
         "{text}"
     );
-    // Row groups of one byte each, decoded to hundreds.
+    // Row groups of one byte each, which decode to hundreds of bytes.
     let groups = [
         &[0x15, 2, 0x39, 0xfc, 0xc0, 0x84, 0x3d][..],
         &vec![0; 1_000_001],
@@ -231,7 +231,7 @@ fn claims_of_a_footer_are_checked() {
 }
 
 #[test]
-fn rows_that_no_bytes_account_for_are_refused() {
+fn more_rows_than_the_size_of_the_file_explains_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.parquet");
     let mut table = ParquetTable::create(&path, &["east_m", "north_m", "up_m"]).unwrap();
@@ -244,7 +244,7 @@ fn rows_that_no_bytes_account_for_are_refused() {
 }
 
 #[test]
-fn damaged_files_are_errors_or_other_values() {
+fn damaged_files_give_errors_or_other_values_but_no_panic() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.parquet");
     for name in [

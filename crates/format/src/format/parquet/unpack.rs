@@ -1,18 +1,18 @@
-//! Unpacking of pages, to at most as many bytes as are allowed.
+//! Unpacking of pages within a limit of bytes.
 
 use ::parquet::basic::CompressionCodec;
 use lz4_flex::block::DecompressError;
 
 use crate::format::ros::compression;
 
-/// The first bytes of a frame of LZ4.
+/// The first bytes of an LZ4 frame.
 const LZ4_FRAME: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
-/// Of zstd, bytes: for a window of 8 MiB, which RFC 8878 asks decoders to support.
+/// Largest buffer of zstd, bytes: for a window of 8 MiB, which RFC 8878 asks decoders to support.
 const LARGEST_BUFFER: u64 = 16 << 20;
-/// No byte of LZ4 unpacks to more than this.
+/// A byte of LZ4 unpacks to at most this many.
 const LZ4_RATIO: usize = 255;
 
-/// Unpacks `packed` to at most `most` bytes; otherwise says what was found.
+/// Unpacks `packed` to at most `most` bytes; the error is what was found instead.
 pub(super) fn unpack(
     codec: CompressionCodec,
     packed: &[u8],
@@ -71,7 +71,7 @@ fn whole(unpacked: compression::Unpacked) -> Result<Vec<u8>, String> {
     unpacked.fault.map_or(Ok(unpacked.bytes), Err)
 }
 
-/// A block of LZ4, which does not say how long it will be.
+/// An LZ4 block, which does not state its unpacked length.
 fn lz4_block(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
     let most = most.min(packed.len().saturating_mul(LZ4_RATIO).saturating_add(64));
     let mut size = packed.len().saturating_mul(4).clamp(1 << 16, 1 << 24);
@@ -92,8 +92,8 @@ fn lz4_block(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
     }
 }
 
-/// The blocks of Hadoop's LZ4, each behind its unpacked and its packed length, big-endian; `None` if
-/// these lengths do not fit.
+/// The blocks of Hadoop's LZ4, each preceded by its unpacked and its packed length, big-endian; `None`
+/// if these lengths do not fit.
 fn hadoop_blocks(mut packed: &[u8]) -> Option<Vec<(&[u8], usize)>> {
     let mut blocks = Vec::new();
     while !packed.is_empty() {
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_unpack_to_no_more_than_is_allowed() {
+    fn pages_that_unpack_to_more_than_the_limit_are_refused() {
         let bytes = vec![7; 100_000];
         let snappy = snap::raw::Encoder::new().compress_vec(&bytes).unwrap();
         let mut gzip = Vec::new();

@@ -18,10 +18,10 @@ use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::cloud::sink_checks::check_position;
 use crate::format::las::extra::ExtraKind;
 
-/// Rows of a row group.
+/// Rows per row group.
 const GROUP: usize = 100_000;
 
-/// The key of the coordinate reference system, as WKT.
+/// Metadata key of the coordinate reference system (WKT).
 pub(super) const CRS_KEY: &str = "crs_wkt";
 
 /// The values of a column that have not been written yet.
@@ -107,7 +107,7 @@ impl Sheet {
         if let Some(twice) = (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
             return Err(Error::data(
                 format!("{}: the column {} twice", path.display(), names[twice]),
-                "give every column a name of its own",
+                "give every column a different name",
             ));
         }
         let problem = |e| problem(path, e);
@@ -137,7 +137,7 @@ impl Sheet {
         })
     }
 
-    /// Appends a row; cells that are missing are NaN.
+    /// Appends a row; missing cells are NaN.
     fn push(&mut self, cells: impl IntoIterator<Item = f64>) -> Result<()> {
         let mut cells = cells.into_iter();
         for column in &mut self.columns {
@@ -181,7 +181,7 @@ fn write_group(
     group.close().map(drop)
 }
 
-/// What the library says of a file that is being written.
+/// The error of a file that the library cannot write.
 pub(super) fn problem(path: &Path, error: ParquetError) -> Error {
     let source = match error {
         ParquetError::External(source) => match source.downcast::<std::io::Error>() {
@@ -247,16 +247,16 @@ impl CloudSink for ParquetCloud {
     }
 }
 
-/// A table of 64-bit numbers that is written as Parquet, row by row: the same table as text has the
-/// same names. NaN becomes a null, as it becomes an empty cell in text. Compressed with Snappy. The
-/// same rows give the same bytes. Dropped unfinished, it leaves an incomplete file behind.
+/// A table of 64-bit numbers that is written as Parquet, row by row, with the column names of the same
+/// table in text. NaN becomes a null, as it becomes an empty cell in text. Compressed with Snappy. The
+/// same rows give the same bytes. Dropped before [`finish`](Self::finish), it leaves an incomplete file.
 pub struct ParquetTable(Sheet);
 
 impl ParquetTable {
     /// Creates or replaces the file.
     ///
     /// # Errors
-    /// A name twice, a file that cannot be written.
+    /// A repeated name, a file that cannot be written.
     pub fn create(path: &Path, names: &[&str]) -> Result<Self> {
         let cells = || Cells::Optional(Vec::new(), Vec::new());
         let columns = names.iter().map(|name| (*name, cells())).collect();

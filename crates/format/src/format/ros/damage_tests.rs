@@ -1,4 +1,4 @@
-//! Damaged and cut bags: readers return an error or the undamaged part, never panic and never take long.
+//! Damaged and truncated bags: readers return an error or the undamaged part, never panic and are never slow.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,7 +19,7 @@ impl Dice {
     }
 }
 
-/// Changes a few bytes, overwrites a length, or cuts the end or the middle off.
+/// Changes a few bytes, overwrites a length, truncates the file, or removes bytes from the middle.
 fn damage(bytes: &mut Vec<u8>, dice: &mut Dice) {
     let at = dice.roll(bytes.len());
     match dice.roll(6) {
@@ -98,7 +98,7 @@ fn damage_is_an_error_or_harmless() {
 }
 
 #[test]
-fn a_cut_bag_is_read_to_its_last_complete_message() {
+fn a_truncated_bag_is_read_up_to_its_last_complete_message() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cut");
     for name in SAMPLES {
@@ -170,7 +170,7 @@ fn damage_in_a_complete_bag_is_reported_with_its_byte() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
     let mut bytes = std::fs::read(sample("plain.mcap")).unwrap();
-    // This byte is in the first chunk, whose checksum then differs.
+    // This byte is in the first chunk, whose checksum is then wrong.
     bytes[2000] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
     let text = read_imu(&Input::from(&path), None).unwrap_err().to_string();
@@ -181,7 +181,7 @@ fn damage_in_a_complete_bag_is_reported_with_its_byte() {
 }
 
 #[test]
-fn a_packed_chunk_that_is_damaged_is_named_with_its_byte() {
+fn a_damaged_packed_chunk_is_reported_with_its_byte() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.bag");
     let whole = std::fs::read(sample("bz2.bag")).unwrap();

@@ -6,7 +6,7 @@ use super::*;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
-/// All samples: every one has the same messages.
+/// All samples; they contain the same messages.
 pub(super) const SAMPLES: [&str; 10] = [
     "plain.bag",
     "bz2.bag",
@@ -46,10 +46,10 @@ fn stamp_s(i: usize) -> f64 {
 }
 
 #[track_caller]
-fn is_near(found: f64, expected: f64) {
+fn assert_near(time_s: f64, expected_s: f64) {
     assert!(
-        (found - expected).abs() <= 2.0 * CLOCK_S,
-        "{found} {expected}"
+        (time_s - expected_s).abs() <= 2.0 * CLOCK_S,
+        "{time_s} {expected_s}"
     );
 }
 
@@ -57,7 +57,7 @@ fn is_near(found: f64, expected: f64) {
 fn the_topics_are_listed() {
     for name in SAMPLES {
         let topics = topics(&Input::from(&sample(name))).unwrap();
-        let found: Vec<_> = topics
+        let listed: Vec<_> = topics
             .iter()
             .map(|t| (t.name.as_str(), t.message_type.as_str(), t.count))
             .collect();
@@ -77,10 +77,10 @@ fn the_topics_are_listed() {
             ("/untimed", cloud, 4),
             ("/velodyne", cloud, 4),
         ];
-        assert_eq!(found, expected, "{name}");
+        assert_eq!(listed, expected, "{name}");
         let (first_s, last_s) = topics[0].recorded_s.unwrap();
-        is_near(first_s, START_S);
-        is_near(last_s, stamp_s(11));
+        assert_near(first_s, START_S);
+        assert_near(last_s, stamp_s(11));
     }
 }
 
@@ -91,7 +91,7 @@ fn imu_samples_are_exact() {
         assert_eq!(samples.len(), 12, "{name}");
         for (i, sample) in samples.iter().enumerate() {
             let x = i as f64;
-            is_near(sample.time_s, stamp_s(i));
+            assert_near(sample.time_s, stamp_s(i));
             assert_eq!(sample.gyro_rad_s, Vec3::new(0.1 * x, -0.2, 0.001 * x * x));
             assert_eq!(sample.accel_m_s2, Vec3::new(0.5 - x, 0.25 * x, 9.81));
         }
@@ -106,7 +106,7 @@ fn poses_are_exact_and_have_sigmas_where_the_covariance_is_given() {
             assert_eq!(poses.len(), 12, "{name}");
             for (i, pose) in poses.iter().enumerate() {
                 let x = i as f64;
-                is_near(pose.time_s, stamp_s(i));
+                assert_near(pose.time_s, stamp_s(i));
                 let at = &pose.world_from_body;
                 assert_eq!(at.translation_m, Vec3::new(1.0 + 0.5 * x, -2.0 * x, 0.25));
                 let heading = Vec3::new(0.0, 0.0, 0.1 * x);
@@ -123,13 +123,13 @@ fn poses_are_exact_and_have_sigmas_where_the_covariance_is_given() {
 }
 
 #[test]
-fn fixes_are_exact_and_messages_without_a_fix_are_left_out() {
+fn fixes_are_exact_and_messages_without_a_fix_are_skipped() {
     for name in SAMPLES {
         let fixes = read_fixes(&Input::from(&sample(name)), None).unwrap();
         assert_eq!(fixes.len(), 11, "{name}");
         for (fix, i) in fixes.iter().zip(1..) {
             let x = i as f64;
-            is_near(fix.time_s, stamp_s(i));
+            assert_near(fix.time_s, stamp_s(i));
             assert_eq!(fix.latitude_rad, (50.5 + 1e-6 * x).to_radians());
             assert_eq!(fix.longitude_rad, (7.25 - 1e-6 * x).to_radians());
             assert_eq!(fix.height_m, 60.125 + x);
@@ -148,7 +148,7 @@ fn check_clouds(topic: &str, first: usize, expected: impl Fn(usize) -> (f64, f64
         for (n, point) in points.iter().enumerate() {
             let k = n % per_cloud + first;
             let (after_s, y, intensity) = expected(k);
-            is_near(point.time_s, stamp_s(3 * (n / per_cloud)) + after_s);
+            assert_near(point.time_s, stamp_s(3 * (n / per_cloud)) + after_s);
             assert_eq!(point.position_m, Vec3::new(1.0 + k as f64, y, -3.0));
             assert_eq!(point.intensity, intensity);
         }
@@ -175,7 +175,7 @@ fn rings_are_merged_by_time() {
             // Three columns of two rings.
             let (cloud, k, ring) = (n / 6, n % 6 / 2, n % 2);
             let (k_value, ring_value) = (k as f64, ring as f64);
-            is_near(point.time_s, stamp_s(3 * cloud) + 0.005 * k_value);
+            assert_near(point.time_s, stamp_s(3 * cloud) + 0.005 * k_value);
             let expected = Vec3::new(1.0 + k_value, 2.0 * ring_value + 0.5, -3.0);
             assert_eq!(point.position_m, expected);
             assert_eq!(f64::from(point.intensity), 100.0 * ring_value + k_value);
@@ -191,7 +191,7 @@ fn a_laser_scan_is_in_the_x_y_plane() {
         assert_eq!(points.len(), 4 * 5, "{name}");
         for (n, point) in points.iter().enumerate() {
             let k = (n % 5) as f64;
-            is_near(point.time_s, stamp_s(3 * (n / 5)) + 0.0009765625 * k);
+            assert_near(point.time_s, stamp_s(3 * (n / 5)) + 0.0009765625 * k);
             let (range, angle) = (1.0 + 0.5 * k, -0.5 + 0.25 * k);
             let expected = Vec3::new(range * angle.cos(), range * angle.sin(), 0.0);
             assert!((point.position_m - expected).norm() < 1e-15);
@@ -218,7 +218,7 @@ fn a_choice_between_several_topics_is_left_to_the_caller() {
 }
 
 #[test]
-fn both_kinds_are_detected_by_their_first_bytes() {
+fn both_versions_of_bags_are_detected_by_their_first_bytes() {
     for name in SAMPLES {
         assert!(looks_like(&std::fs::read(sample(name)).unwrap()));
     }

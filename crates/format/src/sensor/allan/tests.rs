@@ -4,10 +4,10 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 const RATE_HZ: f64 = 100.0;
-/// Noise of the gyro of the benchmark's rover, rad/s/√Hz and rad/s/√s.
+/// Gyroscope noise of the benchmark's rover, rad/s/√Hz and rad/s/√s.
 const WHITE: f64 = 4.4e-5;
 const WALK: f64 = 2e-6;
-/// An estimate lies this many of its standard deviations from the truth in one of 16,000 cases.
+/// An estimate is off by more than this many standard deviations in one of 16,000 cases.
 const SIGMAS: f64 = 4.0;
 
 struct Noise(ChaCha8Rng);
@@ -28,7 +28,7 @@ impl Noise {
             .collect()
     }
 
-    /// A first-order Gauss-Markov bias: `memory` a sample, driving noise `push`.
+    /// A first-order Gauss-Markov bias: each sample is `memory` times the last plus noise of sigma `push`.
     fn bias(&mut self, n: usize, memory: f64, push: f64) -> Vec<f64> {
         let mut bias = 0.0;
         (0..n)
@@ -55,7 +55,7 @@ fn figures(values: &[f64]) -> AxisNoise {
 }
 
 #[track_caller]
-fn assert_found(figure: Figure, truth: f64) {
+fn assert_determined(figure: Figure, truth: f64) {
     let Figure::Determined { value, sigma } = figure else {
         panic!("{figure:?}, not {truth}");
     };
@@ -65,8 +65,8 @@ fn assert_found(figure: Figure, truth: f64) {
     );
 }
 
-/// The definition: half the mean square difference of neighbouring means, at every start.
-fn obvious_deviation(values: &[f64], m: usize) -> f64 {
+/// The definition: half the mean square difference of neighbouring means, over all start samples.
+fn deviation_by_definition(values: &[f64], m: usize) -> f64 {
     let mean = |from: usize| values[from..from + m].iter().sum::<f64>() / m as f64;
     let squares: Vec<f64> = (0..=values.len() - 2 * m)
         .map(|k| (mean(k + m) - mean(k)).powi(2))
@@ -75,7 +75,7 @@ fn obvious_deviation(values: &[f64], m: usize) -> f64 {
 }
 
 #[test]
-fn agrees_with_the_definition() {
+fn the_curve_agrees_with_the_definition() {
     let mut noise = Noise::new(1);
     let values: Vec<f64> = noise.white(1000, 1.0).iter().map(|x| x + 9.81).collect();
     let curve = allan_curve(&values, 0.01);
@@ -83,14 +83,14 @@ fn agrees_with_the_definition() {
     for (i, point) in curve.iter().enumerate() {
         let m = 1 << i;
         assert!((point.tau_s - 0.01 * f64::from(m)).abs() < 1e-12);
-        let expected = obvious_deviation(&values, m as usize);
+        let expected = deviation_by_definition(&values, m as usize);
         // Sums of a thousand numbers of order 10 round by less than 1e-11.
         assert!((point.deviation - expected).abs() < 1e-11 * expected, "{m}");
     }
 }
 
 #[test]
-fn series_that_can_be_done_by_hand() {
+fn series_that_can_be_computed_by_hand_are_right() {
     let ramp: Vec<f64> = (0..64).map(|k| 3.0 * f64::from(k)).collect();
     for (i, point) in allan_curve(&ramp, 1.0).iter().enumerate() {
         // Means over m neighbours differ by 3 m.
@@ -105,10 +105,10 @@ fn series_that_can_be_done_by_hand() {
     assert!(allan_curve(&[1.0], 1.0).is_empty());
 }
 
-/// 2 mean² / variance of the estimates over many logs must match the degrees of freedom: never much
-/// less, and not twice as much.
+/// 2 mean² / variance of the estimates over many logs must be close to the degrees of freedom: not much
+/// less, and not more than twice as much.
 #[test]
-fn degrees_of_freedom_are_those_of_white_noise() {
+fn degrees_of_freedom_match_the_scatter_over_many_logs() {
     const LOGS: usize = 600;
     let mut noise = Noise::new(2);
     let curves: Vec<Vec<AllanPoint>> = (0..LOGS)
@@ -118,27 +118,27 @@ fn degrees_of_freedom_are_those_of_white_noise() {
         let all = || curves.iter().map(|curve| curve[i].variance());
         let mean = all().sum::<f64>() / LOGS as f64;
         let variance = all().map(|x| (x - mean).powi(2)).sum::<f64>() / (LOGS - 1) as f64;
-        let (found, claimed) = (2.0 * mean * mean / variance, curves[0][i].dof);
+        let (sampled, claimed) = (2.0 * mean * mean / variance, curves[0][i].dof);
         // The variance of a chi-square with f degrees is itself known to √((2 + 12 / f) / 600).
         let chance = SIGMAS * ((2.0 + 12.0 / claimed) / LOGS as f64).sqrt();
-        let share = found / claimed;
+        let share = sampled / claimed;
         assert!(
             share > 1.0 - chance && share < 2.0 + chance,
-            "{i}: {found}, {claimed}"
+            "{i}: {sampled}, {claimed}"
         );
     }
 }
 
 #[test]
-fn white_noise_and_walk_come_back() {
+fn white_noise_and_random_walk_are_recovered() {
     for seed in 0..6 {
-        let found = figures(&Noise::new(10 + seed).white_and_walk(7200));
-        assert_found(found.white, WHITE);
-        assert_found(found.walk, WALK);
-        // Between the octaves, the least of n²/τ + w² τ/3 is 2 n w / √3; half an octave off it is
-        // (√2 + 1/√2) / 2 = 1.06 times that.
+        let figures = figures(&Noise::new(10 + seed).white_and_walk(7200));
+        assert_determined(figures.white, WHITE);
+        assert_determined(figures.walk, WALK);
+        // The minimum of n²/τ + w² τ/3 is 2 n w / √3; half an octave away, the largest distance to a
+        // point of the curve, it is (√2 + 1/√2) / 2 = 1.06 times that.
         let floor = (2.0 * WHITE * WALK / 3f64.sqrt()).sqrt() * 1.03f64.sqrt();
-        assert_found(found.instability, floor / FLICKER_FLOOR);
+        assert_determined(figures.instability, floor / FLICKER_FLOOR);
     }
 }
 
@@ -158,16 +158,16 @@ fn a_gauss_markov_bias_has_the_minimum_of_the_closed_form() {
         let n = 7200 * RATE_HZ as usize;
         let white = noise.white(n, WHITE);
         let values = sum(&white, &noise.bias(n, memory, push));
-        let found = figures(&values);
-        for point in &found.curve {
+        let figures = figures(&values);
+        for point in &figures.curve {
             let off = (point.deviation / closed(point.tau_s)).ln() / point.relative_sigma();
             assert!(off.abs() < SIGMAS, "{}: {off} sigmas", point.tau_s);
         }
-        assert_found(found.white, WHITE);
-        // The curve has its maximum at 1.89 correlation times and falls for ever beyond.
-        let short = found.curve.iter().filter(|p| p.tau_s < time_s);
+        assert_determined(figures.white, WHITE);
+        // The curve has its maximum at 1.89 correlation times and falls beyond it without end.
+        let short = figures.curve.iter().filter(|p| p.tau_s < time_s);
         let lowest = short.map(|p| closed(p.tau_s)).fold(f64::INFINITY, f64::min);
-        assert_found(found.instability, lowest / FLICKER_FLOOR);
+        assert_determined(figures.instability, lowest / FLICKER_FLOOR);
     }
 }
 
@@ -176,28 +176,28 @@ fn a_short_log_leaves_figures_undetermined() {
     let mut determined = 0;
     for seed in 0..20 {
         let mut noise = Noise::new(40 + seed);
-        let found = figures(&noise.white(60_000, WHITE));
-        assert_found(found.white, WHITE);
-        assert_eq!(found.walk, Figure::Undetermined);
-        match found.instability {
+        let figures = figures(&noise.white(60_000, WHITE));
+        assert_determined(figures.white, WHITE);
+        assert_eq!(figures.walk, Figure::Undetermined);
+        match figures.instability {
             Figure::AtMost { value } => {
-                // The bound is no better than ten minutes allow: white noise over the longest time
-                // with nine degrees of freedom, a tenth of the log.
+                // The bound is no lower than ten minutes allow: white noise at the longest time with
+                // nine degrees of freedom, a tenth of the log.
                 assert!(value > 0.5 * WHITE / 60f64.sqrt(), "{value}");
             }
             Figure::Determined { .. } => determined += 1,
             Figure::Undetermined => panic!("no bound"),
         }
     }
-    // Chance lifts the minimum by two sigmas in one log of forty.
+    // By chance, the minimum is two sigmas higher in one log of forty.
     assert!(determined <= 2, "{determined} of 20");
     // Over ten minutes, a random walk only begins to rise.
-    let found = figures(&Noise::new(61).white_and_walk(60));
+    let rising = figures(&Noise::new(61).white_and_walk(60));
     assert!(
-        matches!(found.instability, Figure::AtMost { .. }),
-        "{found:?}"
+        matches!(rising.instability, Figure::AtMost { .. }),
+        "{rising:?}"
     );
-    // A log too short for any figure, and a sensor with constant output.
+    // A log too short for any figure; a sensor with constant output.
     assert_eq!(
         figures(&Noise::new(62).white(40, WHITE)).white,
         Figure::Undetermined
@@ -210,7 +210,7 @@ fn a_short_log_leaves_figures_undetermined() {
 }
 
 /// Sensors that smooth their output show less noise at short times; the density is taken where the
-/// deviation falls as that of white noise.
+/// deviation falls like that of white noise.
 #[test]
 fn smoothing_in_the_sensor_does_not_lower_the_density() {
     let white = Noise::new(70).white(360_000, WHITE);
@@ -218,10 +218,10 @@ fn smoothing_in_the_sensor_does_not_lower_the_density() {
         .windows(8)
         .map(|w| w.iter().sum::<f64>() / 8.0)
         .collect();
-    let found = figures(&smooth).white.determined().unwrap();
-    // A first point that bends the slope by the slack of 0.2 lies 2^0.2 too low in variance, the
-    // next half as much: less than 10 % of the density.
-    assert!((found / WHITE - 1.0).abs() < 0.10, "{found}");
+    let density = figures(&smooth).white.determined().unwrap();
+    // The slope may differ by 0.2: the variance of the first point is then too low by a factor of up to
+    // 2^0.2 and that of the next by half as much, less than 10 % of the density.
+    assert!((density / WHITE - 1.0).abs() < 0.10, "{density}");
 }
 
 /// An IMU on a slightly tilted table.
@@ -241,16 +241,16 @@ fn resting(seed: u64, seconds: usize) -> Vec<ImuSample> {
 }
 
 #[test]
-fn a_resting_log_gives_every_axis() {
-    let found = allan(&resting(80, 120)).unwrap();
-    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
-    assert_eq!(found.samples, 12_000);
-    assert!((found.interval_s - 0.01).abs() < 1e-9);
-    for axis in &found.gyro {
-        assert_found(axis.white, WHITE);
+fn a_log_at_rest_gives_figures_of_every_axis() {
+    let estimate = allan(&resting(80, 120)).unwrap();
+    assert!(estimate.warnings.is_empty(), "{:?}", estimate.warnings);
+    assert_eq!(estimate.samples, 12_000);
+    assert!((estimate.interval_s - 0.01).abs() < 1e-9);
+    for axis in &estimate.gyro {
+        assert_determined(axis.white, WHITE);
     }
-    for axis in &found.accel {
-        assert_found(axis.white, 5.6e-4);
+    for axis in &estimate.accel {
+        assert_determined(axis.white, 5.6e-4);
     }
 }
 
@@ -282,9 +282,9 @@ fn knocks_and_gaps_are_reported() {
     for sample in &mut log[2000..2010] {
         sample.accel_m_s2.z += 0.2;
     }
-    let found = allan(&log).unwrap();
-    assert_eq!(found.warnings.len(), 1, "{:?}", found.warnings);
-    let knock = &found.warnings[0];
+    let estimate = allan(&log).unwrap();
+    assert_eq!(estimate.warnings.len(), 1, "{:?}", estimate.warnings);
+    let knock = &estimate.warnings[0];
     assert!(
         knock.starts_with("1 of 60 seconds are noisier than the rest, the first at 120.000 s"),
         "{knock}"
@@ -292,9 +292,13 @@ fn knocks_and_gaps_are_reported() {
 
     let mut log = resting(83, 60);
     log.drain(1500..1510);
-    let found = allan(&log).unwrap();
-    assert_eq!((found.samples, found.span_s[0]), (4490, 115.1));
-    assert!(found.warnings[0].contains("gaps"), "{:?}", found.warnings);
+    let estimate = allan(&log).unwrap();
+    assert_eq!((estimate.samples, estimate.span_s[0]), (4490, 115.1));
+    assert!(
+        estimate.warnings[0].contains("gaps"),
+        "{:?}",
+        estimate.warnings
+    );
 }
 
 #[test]

@@ -38,7 +38,7 @@ fn missing_files_are_named_with_key_line_and_path() {
         "{message}"
     );
 
-    // The other drive is checked as well, but not the drives that it references itself.
+    // The other drive is checked as well, but not the drives that it names in turn.
     write(&drive_2, EXAMPLE);
     assert_eq!(missing(), Ok(()));
     write(&drive_2, &EXAMPLE.replace("\"left\"", "\"rear\""));
@@ -62,7 +62,7 @@ fn missing_files_are_named_with_key_line_and_path() {
 }
 
 #[test]
-fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
+fn drives_are_checked_like_evaluations_and_may_be_named_only_once() {
     let folder = folder();
     let path = |drive: &str| folder.path().join(drive);
     for drive in ["drive-1", "drive-2", "drive-3", "drive-4"] {
@@ -97,8 +97,8 @@ fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
     for drive in ["drive-2", "drive-3", "drive-4"] {
         for file in ["project.toml", "frame.csv", "imu.csv", "right.bin"] {
             let input = path(drive).join(file).canonicalize().unwrap();
-            let is_input = |input: &std::path::PathBuf| input.canonicalize().unwrap();
-            assert!(inputs.iter().map(is_input).any(|found| found == input));
+            let canonical = |input: &std::path::PathBuf| input.canonicalize().unwrap();
+            assert!(inputs.iter().map(canonical).any(|known| known == input));
         }
     }
 
@@ -128,7 +128,7 @@ fn drives_are_checked_as_evaluations_are_and_adjusted_once() {
 }
 
 #[test]
-fn a_logo_is_a_picture_that_exists() {
+fn a_logo_must_be_an_existing_picture() {
     let folder = folder();
     let with = |logo: &str| {
         write(

@@ -211,7 +211,7 @@ fn printed_joint_projects_read_back_to_the_same_project() {
         assert_eq!(Project::read(&path).unwrap(), project, "{printed}");
     }
     assert_eq!(read(&poses).unwrap().joint.correlation_s, 12.5);
-    // An assumption is not printed: it would read back as a statement.
+    // An assumed value is not printed: read back, it would count as given.
     let printed = read(EXAMPLE).unwrap().to_toml().unwrap();
     let reference = printed.split_once("[reference]").unwrap().1;
     assert!(reference.lines().nth(1).unwrap().starts_with("file = "));
@@ -219,7 +219,7 @@ fn printed_joint_projects_read_back_to_the_same_project() {
 }
 
 #[test]
-fn mistakes_in_joint_keys_are_named_with_line_and_remedy() {
+fn mistakes_in_joint_keys_are_reported_with_line_and_remedy() {
     let cases = [
         (
             "method = \"joint\"",
@@ -332,7 +332,7 @@ fn mistakes_in_joint_keys_are_named_with_line_and_remedy() {
         let message = message(&JOINT.replacen(old, new, 1));
         assert!(
             message.contains(expected),
-            "{new}: {message}\n  should hold: {expected}"
+            "{new}: {message}\n  expected: {expected}"
         );
     }
     let drives = JOINT
@@ -371,16 +371,16 @@ fn invalid_columns_of_bending_are_refused() {
         "[\"a\", \"b\", \"c\"]",
     ] {
         let text = JOINT.replace("[\"temperature_c\"]", columns);
-        let found = message(&text);
-        assert!(found.contains("one or two columns"), "{found}");
+        let refusal = message(&text);
+        assert!(refusal.contains("one or two columns"), "{refusal}");
     }
     let two_step = JOINT.replace("method = \"joint\"", "method = \"two-step\"");
     let two_step = two_step.replace("estimate = [\"time_offset\"]", "");
     let (start, _) = two_step.split_once("[[drive]]").unwrap();
     let (_, bending) = two_step.split_once("[bending]").unwrap();
-    let found = message(&format!("{start}[bending]{bending}"));
+    let refusal = message(&format!("{start}[bending]{bending}"));
     assert!(
-        found.contains("[bending] without the joint adjustment"),
-        "{found}"
+        refusal.contains("[bending] without the joint adjustment"),
+        "{refusal}"
     );
 }

@@ -169,25 +169,25 @@ fn tables() -> String {
 }
 
 #[test]
-fn the_chapter_of_the_keys_matches_the_code() {
+fn the_tables_in_the_chapter_match_the_code() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/project.md");
     let page = std::fs::read_to_string(&path).unwrap();
     let (before, rest) = page.split_once(MARKS[0]).unwrap();
-    let (found, after) = rest.split_once(MARKS[1]).unwrap();
+    let (current, after) = rest.split_once(MARKS[1]).unwrap();
     let expected = tables();
     if std::env::var_os("BORESIGHT_WRITE").is_some() {
         let [begin, end] = MARKS;
         std::fs::write(&path, format!("{before}{begin}{expected}{end}{after}")).unwrap();
     } else {
         assert_eq!(
-            found, expected,
+            current, expected,
             "docs/project.md does not match the code: run `just keys`"
         );
     }
 }
 
 #[test]
-fn every_key_has_a_text() {
+fn every_key_has_a_description() {
     let all = structs();
     let keys: usize = all.iter().map(|one| one.fields.len()).sum();
     assert!(keys > 100, "{keys} keys were found");
@@ -228,11 +228,11 @@ fn assumed_defaults_of_the_reference_are_documented() {
     );
 }
 
-/// The program refuses unknown keys, so the tables name no key too many. They name all keys if they have all printed
-/// keys.
+/// The program refuses unknown keys, so the tables list none that does not exist. They list all keys if they list every
+/// printed key.
 #[test]
 fn printed_keys_are_in_the_tables() {
-    let made = tables();
+    let generated = tables();
     for text in [
         super::EXAMPLE,
         super::UNUSUAL,
@@ -244,7 +244,7 @@ fn printed_keys_are_in_the_tables() {
         let project = Project::read(&super::write(folder.path(), text)).unwrap();
         for line in project.to_toml().unwrap().lines() {
             if let Some((key, _)) = line.split_once(" = ") {
-                assert!(made.contains(&format!("| `{key}` |")), "{key}");
+                assert!(generated.contains(&format!("| `{key}` |")), "{key}");
             }
         }
     }

@@ -8,7 +8,7 @@ pub(super) fn message(text: &str) -> String {
 }
 
 #[test]
-fn mistakes_are_named_with_line_and_remedy() {
+fn mistakes_are_reported_with_line_and_remedy() {
     // Text to replace, its replacement, and what the message must contain.
     let cases: [(&str, &str, &str); 30] = [
         (
@@ -167,13 +167,13 @@ fn mistakes_are_named_with_line_and_remedy() {
         let message = message(&EXAMPLE.replacen(old, new, 1));
         assert!(
             message.contains(expected),
-            "{new}: {message}\n  should hold: {expected}"
+            "{new}: {message}\n  expected: {expected}"
         );
     }
 }
 
 #[test]
-fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
+fn mistakes_with_several_sensors_are_reported_with_line_and_remedy() {
     let instrument = "station_m = [363010.5, 5600020.25, 61.5]\n";
     let cases = [
         (
@@ -298,7 +298,7 @@ fn mistakes_with_several_sensors_are_named_with_line_and_remedy() {
         let message = message(&text);
         assert!(
             message.contains(expected),
-            "{new}: {message}\n  should hold: {expected}"
+            "{new}: {message}\n  expected: {expected}"
         );
     }
     let bias = SEVERAL
@@ -342,7 +342,7 @@ fn an_array_of_one_table_is_equivalent_to_a_table() {
 }
 
 #[test]
-fn names_are_given_once() {
+fn names_must_be_unique() {
     let scanner = |name: &str| {
         format!(
             "[[scanner]]\nname = \"{name}\"\nprofiles = \"p\"\ntranslation_m = [0, 0, 0]\n\
@@ -363,7 +363,7 @@ fn names_are_given_once() {
 }
 
 #[test]
-fn text_that_is_not_utf8_is_named() {
+fn text_that_is_not_utf8_is_refused_with_its_byte() {
     let folder = folder();
     let path = folder.path().join("project.toml");
     std::fs::write(&path, b"[frame]\n\xff").unwrap();

@@ -200,8 +200,8 @@ fn the_example_is_understood() {
         settings.positions[0].lever_arm_m,
         Vec3::new(0.10, 0.05, -0.55)
     );
-    // By hand: 0.15°/√h = 0.15 · π/180 / 60 rad/√s; 57 µg = 57e-6 · 9.80665 m/s²; biases walk by
-    // the instability in 100 s, so a tenth of it in each √s. Rounded to five digits.
+    // By hand: 0.15°/√h = 0.15 · π/180 / 60 rad/√s; 57 µg = 57e-6 · 9.80665 m/s²; a bias walks by its
+    // instability within 100 s, which is a tenth of it per √s. Rounded to five digits.
     let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
     close(settings.imu.gyro_density, 4.3633e-5);
     close(settings.imu.accel_density, 5.5898e-4);
@@ -220,7 +220,7 @@ fn the_example_is_understood() {
 }
 
 #[test]
-fn absent_noise_is_that_of_the_example() {
+fn the_default_noise_is_that_of_the_example() {
     let bare: String = EXAMPLE
         .lines()
         .filter(|line| !line.contains("_noise_") && !line.contains("instability"))

@@ -74,7 +74,7 @@ pub(super) struct Answer<S> {
 }
 
 impl<S> Answer<S> {
-    /// The code of the communication if this failed, else the code of the procedure.
+    /// The code of the communication if that failed, otherwise the code of the procedure.
     pub fn code(&self) -> ReturnCode {
         match self.reply.communication {
             ReturnCode::OK => self.reply.code,
@@ -89,12 +89,12 @@ enum Heard<S> {
     AskAgain,
 }
 
-/// Time to go on listening after a line that is not a reply. The reply may still come, or that line was
+/// Time to keep listening after a line that is not a reply: the reply may still come, or that line was
 /// the damaged reply. A full measurement takes 0.2 s at 9600 baud.
 const AFTER_NOISE: Duration = Duration::from_millis(300);
 /// Pause before a busy instrument is asked again.
 const AFTER_BUSY: Duration = Duration::from_millis(50);
-/// Largest transaction number; they count from 1, and 0 stands for a request without a number.
+/// Largest transaction number. Numbers count from 1, and 0 stands for a request without a number.
 const LAST_TRANSACTION: u16 = 32_767;
 /// A request without a reply is given up after this many times the time-out.
 const PATIENCE: u32 = 3;

@@ -45,7 +45,7 @@ pub struct Instrument<L: Link, S> {
 }
 
 impl<L: Link, S> Instrument<L, S> {
-    /// Connects to the instrument on `link`, which errors call `port`; `now` gives the time stamps of
+    /// Connects to the instrument on `link`, which error messages name `port`; `now` gives the time stamps of
     /// replies.
     ///
     /// # Errors
@@ -111,7 +111,7 @@ impl<L: Link, S> Instrument<L, S> {
         &self.identity
     }
 
-    /// Whether it was started, and goes on tracking over a new link.
+    /// Whether it was started; it then continues tracking over a new link.
     pub fn is_tracking(&self) -> bool {
         self.is_tracking
     }

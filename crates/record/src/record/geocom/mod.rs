@@ -1,8 +1,8 @@
 //! Leica total stations by the GeoCOM ASCII protocol, over TCP or a serial port.
 //!
 //! Written from Leica's *GeoCOM Reference Manual* (TPS1100, version 1.05; TPS1200/TS30/TM30,
-//! version 1.50). Neither manual describes the checksum of ASCII messages; its position and its
-//! polynomial are those that `geocompy` 1.0.0 found on instruments.
+//! version 1.50). Neither manual describes the checksum of ASCII messages; its position and polynomial
+//! are those of `geocompy` 1.0.0, whose authors found them on instruments.
 
 mod channel;
 mod codec;

@@ -18,7 +18,7 @@ const HEADING: &str = "time_s,heading_deg\n";
 struct Drive {
     folder: tempfile::TempDir,
     live: Live,
-    /// Delay of the clocks of IMU and prism, seconds.
+    /// How far the clocks of IMU and prism are slow, seconds.
     late_s: [f64; 2],
     polar: bool,
 }
@@ -73,7 +73,7 @@ impl Drive {
         writeln!(log, "{row}").unwrap();
     }
 
-    /// Appends samples of the IMU, from and to in hundredths of a second.
+    /// Appends the measurements of the IMU; `from` and `to` in hundredths of a second.
     fn imu(&self, from: u32, to: u32) {
         for k in from..to {
             let time_s = BEGIN_S + 0.01 * f64::from(k) - self.late_s[0];
@@ -81,7 +81,7 @@ impl Drive {
         }
     }
 
-    /// Appends fixes of the prism and headings, likewise.
+    /// Appends positions of the prism and headings; `from` and `to` in hundredths of a second.
     fn others(&self, from: u32, to: u32) {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
@@ -105,7 +105,7 @@ impl Drive {
 }
 
 #[test]
-fn the_live_pose_has_the_projects_time_offsets() {
+fn the_live_pose_uses_the_time_offsets_of_the_project() {
     let mut drive = Drive::new([0.05, 0.1]);
     for k in (0..1200).step_by(25) {
         drive.imu(k, k + 25);
@@ -118,7 +118,7 @@ fn the_live_pose_has_the_projects_time_offsets() {
 }
 
 #[test]
-fn positions_and_headings_that_come_without_the_imu_are_taken_in() {
+fn positions_and_headings_that_arrive_before_the_imu_are_used() {
     let mut drive = Drive::new([0.0; 2]);
     for k in (0..1200).step_by(50) {
         drive.others(k, k + 25);
@@ -133,7 +133,7 @@ fn positions_and_headings_that_come_without_the_imu_are_taken_in() {
 }
 
 #[test]
-fn rows_without_a_range_leave_the_pose() {
+fn a_row_without_a_distance_does_not_end_the_live_pose() {
     // Only a build with projections reads such a project.
     if Projection::new("EPSG:25832").is_err() {
         return;
@@ -154,7 +154,7 @@ fn rows_without_a_range_leave_the_pose() {
 }
 
 #[test]
-fn a_log_that_cannot_be_read_is_named_in_the_view() {
+fn the_view_names_a_log_that_cannot_be_read() {
     let folder = tempfile::tempdir().unwrap();
     let field = project(folder.path(), "", "sigma_m = 0.005\n", [0.0; 2]);
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();

@@ -5,7 +5,7 @@ use super::*;
 use crate::format;
 use crate::sensor::HeadingFix;
 
-/// A log of headings of a drive that is looked at each second.
+/// A growing log of headings, and the tail that follows it.
 struct Growing {
     folder: tempfile::TempDir,
     tail: Tail,
@@ -33,39 +33,39 @@ impl Growing {
     }
 }
 
-/// A row of 20 bytes.
+/// A row of 20 bytes with a time of the sensor's own clock.
 fn heading_row(own_s: f64) -> String {
     format!("{own_s:012.3},90.000\n")
 }
 
 #[test]
-fn a_row_whose_beginning_was_passed_over_is_left_out() {
+fn a_row_whose_beginning_was_skipped_is_left_out() {
     let mut growing = Growing::new("a.csv");
     growing.look(999.0, "time_s,heading_deg\n").unwrap();
     for second in 1000..1010 {
         let second = f64::from(second);
         growing.look(second, &heading_row(second)).unwrap();
     }
-    // More than the window at once: it begins within the heading of a row.
+    // More than the window at once, which then begins within the heading of a row.
     let many: String = (1..20_000)
         .map(|k| heading_row(1010.0 + 1e-3 * f64::from(k)))
         .collect();
-    let found = growing.look(1030.0, &many).unwrap();
-    assert!(found.len() > 13_000, "{}", found.len());
+    let fixes = growing.look(1030.0, &many).unwrap();
+    assert!(fixes.len() > 13_000, "{}", fixes.len());
     assert!(
-        found
+        fixes
             .iter()
             .all(|fix| (1010.0..1031.0).contains(&fix.time_s))
     );
-    let found = growing.look(1031.0, &heading_row(1031.0)).unwrap();
-    assert_eq!(found.len(), 1);
+    let fixes = growing.look(1031.0, &heading_row(1031.0)).unwrap();
+    assert_eq!(fixes.len(), 1);
 }
 
 #[test]
-fn a_sensor_that_is_started_again_gets_a_new_offset() {
+fn a_restarted_sensor_gets_a_new_offset() {
     let mut growing = Growing::new("a.csv");
     growing.look(8999.0, "time_s,heading_deg\n").unwrap();
-    let mut found = Vec::new();
+    let mut fixes = Vec::new();
     for k in 0..60 {
         let common_s = 9000.0 + 0.5 * f64::from(k);
         let own_s = if k < 30 {
@@ -73,14 +73,14 @@ fn a_sensor_that_is_started_again_gets_a_new_offset() {
         } else {
             common_s - 9010.0
         };
-        found = growing.look(common_s, &heading_row(own_s)).unwrap();
-        assert!(found.iter().all(|fix| (fix.time_s - common_s).abs() < 0.01));
+        fixes = growing.look(common_s, &heading_row(own_s)).unwrap();
+        assert!(fixes.iter().all(|fix| (fix.time_s - common_s).abs() < 0.01));
     }
-    assert_eq!(found.len(), 1);
+    assert_eq!(fixes.len(), 1);
 }
 
 #[test]
-fn a_binary_log_without_records_of_a_kind_for_a_while_is_no_error() {
+fn a_log_without_new_records_of_a_kind_is_no_error() {
     let sentence = |body: &str| {
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
         format!("${body}*{sum:02X}\r\n")
@@ -92,6 +92,6 @@ fn a_binary_log_without_records_of_a_kind_for_a_while_is_no_error() {
         growing.look(f64::from(second), &text).unwrap();
     }
     let silent: String = (0..20_000).map(|k| date(10 + k / 1000)).collect();
-    let found = growing.look(40.0, &silent).unwrap();
-    assert!(found.is_empty());
+    let fixes = growing.look(40.0, &silent).unwrap();
+    assert!(fixes.is_empty());
 }

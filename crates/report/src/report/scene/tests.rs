@@ -20,7 +20,7 @@ const OFFSET_S: f64 = 0.015;
 
 /// A drive of two scanners, one of which scans in three dimensions, with a mounting that moves at the end.
 struct Case {
-    own: Trajectory,
+    estimated: Trajectory,
     adjusted: Trajectory,
     mountings: [Vec<BodyFromScanner>; 2],
     bending: Vec<Bending>,
@@ -74,7 +74,7 @@ impl Case {
             ]
         });
         Self {
-            own: trajectory(0.0),
+            estimated: trajectory(0.0),
             adjusted: trajectory(0.003),
             mountings: [vec![mounting(0.02); 2], vec![mounting(0.0); 2]],
             bending: vec![bending.clone(), bending],
@@ -104,7 +104,7 @@ impl Case {
             origin_m: Vec3::new(364_000.0, 5_620_000.0, 100.0),
             scans: scans.collect(),
             views: vec![
-                view(MountingKind::Initial, &self.own, 0, &[]),
+                view(MountingKind::Initial, &self.estimated, 0, &[]),
                 view(MountingKind::Final, &self.adjusted, 1, &self.bending),
             ],
             agreements: &Agreements::default(),
@@ -136,7 +136,7 @@ impl Unpacked {
         }
     }
 
-    /// A list of numbers: signed if they have 32 bits, else unsigned.
+    /// A list of numbers: signed if they have 32 bits, otherwise unsigned.
     fn list(&self, place: &Value) -> Vec<f64> {
         let get = |name: &str| place[name].as_u64().unwrap() as usize;
         let (at, length, width) = (get("at"), get("length"), get("bits") / 8);
@@ -144,13 +144,13 @@ impl Unpacked {
         (0..length)
             .map(|i| {
                 let byte = |plane: usize| u32::from(self.bytes[at + plane * length + i]);
-                let own = (0..width)
+                let value = (0..width)
                     .map(|plane| byte(plane) << (8 * plane))
                     .sum::<u32>();
                 match width {
-                    1 => return f64::from(own),
-                    2 => last = (last + own) & 0xffff,
-                    _ => last = last.wrapping_add(own),
+                    1 => return f64::from(value),
+                    2 => last = (last + value) & 0xffff,
+                    _ => last = last.wrapping_add(value),
                 }
                 if width == 4 {
                     f64::from(last as i32)
@@ -193,7 +193,7 @@ impl Unpacked {
 }
 
 #[test]
-fn points_come_back_within_the_steps() {
+fn unpacked_points_differ_by_no_more_than_the_quantisation() {
     let case = Case::new();
     let scene = case.scene(20_000);
     let unpacked = Unpacked::of(&scene);
@@ -214,12 +214,12 @@ fn points_come_back_within_the_steps() {
                 .get(scanner)
                 .map(|track| unpacked.transforms(track));
             let (trajectory, bending) = match number {
-                0 => (&case.own, None),
+                0 => (&case.estimated, None),
                 _ => (&case.adjusted, Some(&case.bending[scanner])),
             };
             let mut place = Georeferencer::new(trajectory, *mean, OFFSET_S).with_bending(bending);
-            // Half a step of the scanner's coordinates, of both translations, and of the rotations over a lever of two
-            // metres.
+            // Half a step each of the scanner's coordinates, of both translations, and of the rotations at the end of
+            // a lever of two metres.
             let step = |axis: &str| {
                 let ends = &fan[axis];
                 (ends["high"].as_f64().unwrap() - ends["low"].as_f64().unwrap()) / 65535.0
@@ -231,8 +231,8 @@ fn points_come_back_within_the_steps() {
             let mut point = 0;
             for profile in 0..counts.len() {
                 let (rotation, translation) = &poses[profile];
-                let own = moving.as_ref().map(|track| track[profile]);
-                let (turn, shift) = own.unwrap_or((mean.rotation, mean.translation_m));
+                let moved = moving.as_ref().map(|track| track[profile]);
+                let (turn, shift) = moved.unwrap_or((mean.rotation, mean.translation_m));
                 let time_s = scene.start_s + scene.step_s * times[profile] - OFFSET_S;
                 let exact_s = 1000.0 + 0.04 * numbers[profile];
                 assert!((time_s - exact_s).abs() < 1e-6);
@@ -273,7 +273,7 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
     // Equal poses are written once.
     let twice = |kind| View {
         kind,
-        trajectory: &case.own,
+        trajectory: &case.estimated,
         mountings: &case.mountings[0],
         bending: &[],
     };
@@ -296,7 +296,7 @@ fn equal_drives_give_equal_bytes_and_are_kept_exactly() {
 }
 
 #[test]
-fn names_do_not_end_the_script_that_holds_them() {
+fn names_cannot_close_the_script_that_contains_them() {
     let drive = || Drive {
         name: "</script><b>'&".into(),
         ..Drive::default()

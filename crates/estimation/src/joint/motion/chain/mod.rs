@@ -372,8 +372,8 @@ impl Motion for ChainMotion {
         }
     }
 
-    fn moved(&self, own: &[f64], constants: &[f64]) -> Box<dyn Motion> {
-        let (nodes, rest) = own.split_at(self.nodes() * NODE);
+    fn moved(&self, own_step: &[f64], constants: &[f64]) -> Box<dyn Motion> {
+        let (nodes, rest) = own_step.split_at(self.nodes() * NODE);
         let (segments, mut errors) = rest.split_at(self.segments() * SEGMENT);
         let step = ChainStep {
             nodes: nodes.as_chunks::<NODE>().0.to_vec(),
@@ -420,7 +420,7 @@ impl Motion for ChainMotion {
         };
         let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
         for step in 0..self.steps() {
-            let unknowns = covariance.and_then(|of| self.step_covariance(step, of));
+            let unknowns = covariance.and_then(|block| self.step_covariance(step, block));
             recovery.step(step, |pose| {
                 let record = match &unknowns {
                     Some(unknowns) => pose.with_sigma(unknowns),
@@ -471,14 +471,14 @@ impl ChainMotion {
     fn step_covariance(
         &self,
         step: usize,
-        of: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
+        covariance: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
     ) -> Option<[[f64; STEP]; STEP]> {
         let segment = self.nodes() + self.graph.layout().segment(step);
         let blocks = [(step, 0), (step + 1, NODE), (segment, 2 * NODE)];
         let mut all = [[0.0; STEP]; STEP];
         for (a, row) in blocks {
             for (b, column) in blocks {
-                let part = of(a, b)?;
+                let part = covariance(a, b)?;
                 for i in 0..part.nrows() {
                     for j in 0..part.ncols() {
                         all[row + i][column + j] = part[(i, j)];

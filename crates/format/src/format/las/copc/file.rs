@@ -19,7 +19,7 @@ use crate::format::las::extra::ExtraDimension;
 use crate::format::las::extra::dimension;
 use crate::format::las::record::{Placement, RECORD, is_adjusted_gps, wkt_record};
 
-/// Bytes of WKT that fit a record with the zero that ends them.
+/// Most bytes of WKT that fit into a record together with the terminating zero.
 pub(super) const MOST_WKT: usize = u16::MAX as usize - 1;
 
 /// Points compressed at a time, so that all threads are busy.
@@ -29,7 +29,7 @@ const HEADER: u16 = 375;
 /// Bytes of that record, and of an entry of the hierarchy.
 const INFO: usize = 160;
 const ENTRY: usize = 32;
-/// The spacing of the points of the root, as a part of the side of the cube.
+/// Spacings of the points of the root cell along a side of the cube.
 const SPACINGS: f64 = 128.0;
 /// Global encoding: the coordinate reference system is WKT; times are adjusted standard GPS time.
 const WKT_BIT: u16 = 1 << 4;
@@ -37,7 +37,7 @@ const ADJUSTED_GPS_BIT: u16 = 1;
 /// Point format 6, compressed.
 const POINT_FORMAT: u8 = 6 | 0x80;
 
-/// What is known of all points.
+/// Number, bounds and times of all points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extent {
     pub(super) count: u64,
@@ -62,7 +62,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    pub(super) fn take(&mut self, steps: [i32; 3], time_s: f64) {
+    pub(super) fn include(&mut self, steps: [i32; 3], time_s: f64) {
         if self.count == 0 {
             (self.low, self.high) = (steps, steps);
         }
@@ -89,7 +89,7 @@ pub(super) struct CopcFile<'a> {
     pub(super) cube: Cube,
 }
 
-/// Positions in the file that are known at the end.
+/// Positions in the file that are known only at the end.
 #[derive(Default)]
 struct Places {
     hierarchy_record: u64,
@@ -98,8 +98,8 @@ struct Places {
 }
 
 impl CopcFile<'_> {
-    /// Writes the file. `points` has the numbers of the points of each cell, and `record` gives the
-    /// point of a number.
+    /// Writes the file. `points` lists the numbers of the points of each cell, and `record` returns
+    /// the record of the point with a number.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -115,7 +115,7 @@ impl CopcFile<'_> {
             let start = self.start(&laz, &Places::default())?;
             let failed = |e| Error::io(self.path, e);
             out.write_all(&start).map_err(failed)?;
-            // The place of the chunk table, at the beginning of the points.
+            // Room for the position of the chunk table, where the points begin.
             out.write_all(&[0; 8]).map_err(failed)?;
             let mut at = start.len() as u64 + 8;
             let mut table = ChunkTable::with_capacity(cells.len());
@@ -135,7 +135,7 @@ impl CopcFile<'_> {
                 }
             }
             if cells.is_empty() {
-                // A root without points: its chunk has neither a place nor bytes.
+                // A root without points: there is no chunk, so neither a position nor bytes.
                 let root = Cell {
                     level: 0,
                     at: [0; 3],
@@ -301,7 +301,7 @@ impl CopcFile<'_> {
             .collect()
     }
 
-    /// The size of a chunk as the hierarchy has it.
+    /// The size of a chunk as the hierarchy stores it.
     fn size(&self, chunk: &[u8]) -> Result<i32> {
         i32::try_from(chunk.len()).map_err(|_| {
             Error::format(
@@ -333,7 +333,7 @@ fn batches(cells: &[Cell]) -> impl Iterator<Item = &[Cell]> {
     })
 }
 
-/// An entry of the hierarchy: key, place of the chunk, its bytes and points.
+/// Appends an entry of the hierarchy: key, position of the chunk, its bytes and points.
 fn append_entry(hierarchy: &mut Vec<u8>, cell: &Cell, at: u64, bytes: i32) {
     hierarchy.extend(cell.level.to_le_bytes());
     for number in cell.at {

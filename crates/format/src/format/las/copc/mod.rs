@@ -23,13 +23,13 @@ use crate::format::las::record::{
 };
 use crate::format::las::writer::CLOUD_STEP_M;
 
-/// Points of which memory is taken at a time.
+/// Points for which memory is allocated at a time.
 const BLOCK_POINTS: usize = 1 << 16;
 
 /// The records of all points, in their order.
 struct Records {
     blocks: Vec<Vec<u8>>,
-    /// Bytes of a record.
+    /// Bytes per record.
     length: usize,
 }
 
@@ -89,7 +89,7 @@ struct CopcSink {
 /// smallest power of ten times it for which 32 bits span the cloud. A cloud without points is a
 /// valid file. The same points give the same bytes for any number of threads.
 ///
-/// Memory holds all points until the end: 46 bytes for each and those of its dimensions.
+/// Memory holds all points until the end: 46 bytes for each, plus those of its dimensions.
 ///
 /// # Errors
 /// Dimensions that LAS does not allow, bounds that are not finite, a WKT of more than 65 534 bytes,
@@ -152,7 +152,7 @@ impl CloudSink for CopcSink {
         // `as` saturates and converts NaN to 0.
         let scanner = self.scanner.and_then(|at| point.values.get(at));
         let scanner = scanner.map_or(0, |v| *v as u16);
-        self.extent.take(steps, time_s);
+        self.extent.include(steps, time_s);
         let block = self.records.open_block();
         append_record(steps, Some(time_s), point.intensity, scanner, block);
         for (at, dimension) in self.dimensions.iter().enumerate() {

@@ -14,10 +14,10 @@ const LEAF_POINTS: usize = 100_000;
 const MOST_CHOSEN: usize = 200_000;
 /// A cell that is divided has 2⁷ subcells along each axis.
 const GRID_BITS: u32 = 7;
-/// Three interleaved numbers of so many bits fit a key.
+/// Most bits per axis: three interleaved numbers of 21 bits fit into a key.
 const MOST_BITS: u32 = 21;
-/// Steps of a finest cell are not fewer than 2⁵, so that rounding the side of the cube up to whole
-/// finest cells adds at most 3 %.
+/// A finest cell has at least 2⁵ steps along each axis, so that rounding the side of the cube up to
+/// whole finest cells adds at most 3 %.
 const FINEST_BITS: u32 = 5;
 
 /// The cube around all points, divided into finest cells.
@@ -38,7 +38,7 @@ pub(super) struct Cell {
     pub(super) level: u32,
     /// Number of the cell along each axis.
     pub(super) at: [u32; 3],
-    /// Where its points are in the list that goes with it.
+    /// Range of its points in the list of all points.
     pub(super) points: Range<usize>,
 }
 
@@ -95,8 +95,8 @@ fn gathered(v: u64) -> u64 {
     (v | v >> 32) & 0x1f_ffff
 }
 
-/// Distributes points over cells: orders `points` so that those of each cell follow each other, by
-/// their numbers, and returns the cells, each before its children.
+/// Distributes points over cells: sorts `points` by cell and, within a cell, by number, and returns
+/// the cells, each before its children.
 pub(super) fn divide(cube: &Cube, points: &mut [Keyed]) -> Vec<Cell> {
     points.par_sort_unstable();
     let mut cells = Vec::new();
@@ -110,7 +110,7 @@ pub(super) fn divide(cube: &Cube, points: &mut [Keyed]) -> Vec<Cell> {
     cells
 }
 
-/// `range` holds the points of the cell that none of its ancestors has, in the order of their keys.
+/// `range` holds the points inside the cell that none of its ancestors keeps, sorted by key.
 fn divide_cell(
     bits: u32,
     level: u32,

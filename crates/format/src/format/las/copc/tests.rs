@@ -19,7 +19,7 @@ use crate::format::las::record::{Placement, append_record};
 use crate::format::mutation::for_each_damaged;
 use crate::geometry::Vec3;
 
-/// Even numbers from 0 to 1.
+/// Uniformly distributed numbers from 0 to 1, the same in each run.
 fn draws() -> impl FnMut() -> f64 {
     let mut state = 1u64;
     move || {
@@ -73,7 +73,7 @@ fn write(path: &Path, points: &[Vec3], clock: CloudClock) {
 }
 
 #[test]
-fn cells_hold_their_points_and_boxes_are_found() {
+fn cells_contain_their_points_and_a_query_by_box_finds_all() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.copc.laz");
     let points = cloud(1_000_000);
@@ -95,10 +95,10 @@ fn cells_hold_their_points_and_boxes_are_found() {
         let parent = entry.key.parent();
         assert!(keys.contains(&[parent.l, parent.x, parent.y, parent.z]));
         let cell = entry.key.bounds(&info);
-        let found = reader.read_entry(entry).unwrap();
+        let chunk = reader.read_entry(entry).unwrap();
         let mut subcells = BTreeSet::new();
         let mut count = 0;
-        for point in found.points() {
+        for point in chunk.points() {
             let point = point.unwrap();
             let inside = |v: f64, low: f64, high: f64| low < v && v < high;
             assert!(
@@ -158,23 +158,23 @@ fn cells_hold_their_points_and_boxes_are_found() {
 }
 
 #[test]
-fn our_reader_finds_all_points() {
+fn the_reader_of_las_returns_all_points() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.copc.laz");
-    // More than the points that one thread decodes, in chunks of different sizes.
+    // More points than one thread decodes at a time, in chunks of different sizes.
     let points = cloud(1_200_000);
     write(&path, &points, CloudClock::AdjustedGps);
-    let found = read_las(&Input::from(&path)).unwrap();
-    assert_eq!(found.points.len(), points.len());
+    let cloud = read_las(&Input::from(&path)).unwrap();
+    assert_eq!(cloud.points.len(), points.len());
     let mut seen = vec![false; points.len()];
-    for (p, time_s) in found.points.iter().zip(&found.time_s) {
+    for (p, time_s) in cloud.points.iter().zip(&cloud.time_s) {
         let number = *time_s as usize;
         assert!((p - points[number]).amax() <= 0.5e-5 + 1e-9);
         assert!(!std::mem::replace(&mut seen[number], true));
     }
     let mut streamed = 0;
     let mut each = |piece: &[Vec3]| {
-        assert_eq!(piece[0], found.points[streamed]);
+        assert_eq!(piece[0], cloud.points[streamed]);
         streamed += piece.len();
         Ok(())
     };
@@ -190,7 +190,7 @@ fn write_cells(path: &Path, sizes: &[usize]) {
     let mut records = Vec::new();
     for i in 0..sizes.iter().sum::<usize>() {
         let (steps, time_s) = ([i as i32 * 7, (i * i % 11) as i32, 3], i as f64);
-        extent.take(steps, time_s);
+        extent.include(steps, time_s);
         let mut record = Vec::new();
         append_record(steps, Some(time_s), i as f32, 0, &mut record);
         records.push(record);
@@ -239,7 +239,7 @@ fn read_in_order(path: &Path) -> Result<PointCloud> {
 }
 
 #[test]
-fn chunks_side_by_side_are_read_as_one_after_the_other() {
+fn chunks_give_the_same_points_in_parallel_and_in_order() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.copc.laz");
     for sizes in [&[1][..], &[5], &[3, 50, 1, 20], &[100, 1, 1, 99, 300]] {
@@ -254,7 +254,7 @@ fn chunks_side_by_side_are_read_as_one_after_the_other() {
 }
 
 #[test]
-fn damaged_chunks_side_by_side_are_read_as_one_after_the_other() {
+fn damaged_chunks_give_the_same_points_in_parallel_and_in_order() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.copc.laz");
     write_cells(&path, &[30, 1, 60, 25]);
@@ -298,7 +298,7 @@ fn points_at_one_place_are_one_cell() {
         read_las(&Input::from(&path)).unwrap().points.len(),
         points.len()
     );
-    // One other point makes as many levels as there are bits.
+    // One distant point makes as many levels as a key has bits per axis.
     points.push(Vec3::new(1.0, 2.0, 700.0));
     write(&path, &points, CloudClock::Unknown);
     assert_eq!(
@@ -343,7 +343,7 @@ fn cubes_hold_their_points_and_are_hardly_larger() {
 }
 
 #[test]
-fn a_small_cloud_is_one_cell_in_its_order() {
+fn a_small_cloud_is_one_cell_in_the_order_of_the_points() {
     let cube = Cube::around([0; 3], [99; 3]);
     let mut points: Vec<_> = (0..100u32)
         .map(|i| (cube.key([99 - i as i32, 0, 0]), i))

@@ -3,7 +3,7 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::dimension::{self, ExtraDimension, Kept, Row};
+use super::dimension::{self, ExtraDimension, Retained, Row};
 use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
@@ -17,9 +17,9 @@ use crate::progress::Progress;
 /// `dimensions`; returns their number. A dimension of the input with one of these names is
 /// replaced.
 ///
-/// Kept: point format, scale, offset, times, flags, colours, coordinate reference system, existing
-/// extra dimensions and all other variable-length records. Changed: the version becomes 1.4, which
-/// defines extra dimensions; indices that depend on the order of the points in the file (COPC,
+/// The copy keeps point format, scale, offset, times, flags, colours, coordinate reference system,
+/// existing extra dimensions and all other variable-length records. Its version is 1.4, which
+/// defines extra dimensions, and indices that depend on the order of the points in the file (COPC,
 /// LAStools) are left out. Memory is bounded by a few chunks of points. `progress` advances by one
 /// for each point read; the caller begins and ends the stage.
 ///
@@ -49,8 +49,8 @@ pub fn copy_las(
     if expected == 0 {
         return Err(nothing_in(input, "point"));
     }
-    let kept = Kept::of(&file, dimensions)?;
-    let header = header(&file, output, dimensions, &kept)?;
+    let retained = Retained::of(&file, dimensions)?;
+    let header = header(&file, output, dimensions, &retained)?;
     let mut out = LasOut::create(output, header)?;
     let mut values = vec![f64::NAN; dimensions.len()];
     let mut extra = Vec::new();
@@ -62,7 +62,7 @@ pub fn copy_las(
                 return Ok(());
             }
             extra.clear();
-            for range in &kept.ranges {
+            for range in &retained.ranges {
                 extra.extend_from_slice(&point.extra[range.clone()]);
             }
             for (dimension, value) in dimensions.iter().zip(&values) {
@@ -95,21 +95,21 @@ fn header(
     file: &LasFile,
     output: &Path,
     dimensions: &[ExtraDimension],
-    kept: &Kept,
+    retained: &Retained,
 ) -> Result<las::Builder> {
     let mut builder = las::Builder::from(file.header().clone());
     builder.point_format.is_compressed = is_compressed(output)?;
     builder.version = (1, 4).into();
     builder.generating_software = "boresight".to_owned();
-    // The bytes between the points and the first extended record; the lengths have changed.
+    // No padding between the points and the first extended record: the lengths have changed.
     builder.point_padding = Vec::new();
     builder.evlrs = evlrs(file)?;
     for list in [&mut builder.vlrs, &mut builder.evlrs] {
         list.retain(|vlr| !is_rewritten(vlr));
         list.iter_mut().for_each(make_writable);
     }
-    builder.point_format.extra_bytes = kept.len() as u16;
-    dimension::append(output, &mut builder, kept.entries.clone(), dimensions)?;
+    builder.point_format.extra_bytes = retained.len() as u16;
+    dimension::append(output, &mut builder, retained.entries.clone(), dimensions)?;
     Ok(builder)
 }
 
@@ -166,18 +166,18 @@ fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
     // Start of the first extended record and number of extended records (LAS 1.4, table 3).
     let head = bytes_at(235, 12)?;
     let (mut at, count) = (number(&head[..8]), number(&head[8..]));
-    let mut found = Vec::new();
+    let mut records = Vec::new();
     for _ in 0..count {
         let head = bytes_at(at, 60)?;
         let length = number(&head[20..28]);
         let data = bytes_at(at + 60, length)?;
         at += 60 + length;
-        found.push(las::Vlr {
+        records.push(las::Vlr {
             user_id: text(&head[2..18]),
             record_id: number(&head[18..20]) as u16,
             description: text(&head[28..60]),
             data,
         });
     }
-    Ok(found)
+    Ok(records)
 }

@@ -114,8 +114,8 @@ pub(crate) fn check(path: &Path, dimensions: &[ExtraDimension]) -> Result<()> {
     Ok(())
 }
 
-/// Makes room for `dimensions` in each point, after the extra bytes that `described` describes, and
-/// adds the record that describes both.
+/// Makes room for `dimensions` in each point, after the extra bytes of the entries in `described`,
+/// and adds the record that describes both.
 ///
 /// # Errors
 /// Points that would be too long.
@@ -154,14 +154,14 @@ pub(crate) fn append(
 }
 
 /// The extra bytes of a file that are kept when dimensions are appended, and their description.
-pub(super) struct Kept {
+pub(super) struct Retained {
     /// Entries of the dimensions that are kept.
     pub(super) entries: Vec<u8>,
     /// Their ranges in the extra bytes of a point, in order.
     pub(super) ranges: Vec<Range<usize>>,
 }
 
-impl Kept {
+impl Retained {
     /// All of the file's extra bytes except the dimensions replaced by `dimensions`. Undescribed
     /// bytes get an untyped entry, so that readers find the dimensions behind them.
     pub(super) fn of(file: &LasFile, dimensions: &[ExtraDimension]) -> Result<Self> {
@@ -173,7 +173,7 @@ impl Kept {
             .flat_map(|vlr| vlr.data.chunks_exact(ENTRY))
             .collect();
         let columns = extra_columns(file);
-        let mut kept = Self {
+        let mut retained = Self {
             entries: Vec::new(),
             ranges: Vec::new(),
         };
@@ -192,12 +192,12 @@ impl Kept {
                 ));
             }
             if dimensions.iter().all(|dimension| dimension.name != *name) {
-                kept.entries.extend_from_slice(entry);
-                kept.ranges.push(column.at..end);
+                retained.entries.extend_from_slice(entry);
+                retained.ranges.push(column.at..end);
             }
         }
         if end < length {
-            kept.ranges.push(end..length);
+            retained.ranges.push(end..length);
         }
         while end < length {
             let size = MOST_UNTYPED.min(length - end);
@@ -205,10 +205,10 @@ impl Kept {
             entry[3] = size as u8;
             let name = format!("undescribed_{end}");
             entry[4..4 + name.len()].copy_from_slice(name.as_bytes());
-            kept.entries.extend_from_slice(&entry);
+            retained.entries.extend_from_slice(&entry);
             end += size;
         }
-        Ok(kept)
+        Ok(retained)
     }
 
     /// Number of bytes that are kept.

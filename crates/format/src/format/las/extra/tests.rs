@@ -42,17 +42,17 @@ fn fill(index: u64, values: &mut [f64]) {
 /// Standard bytes and extra bytes of every point.
 fn records(path: &Path) -> Vec<(Vec<u8>, Vec<u8>)> {
     let mut file = LasFile::open(&Input::from(path)).unwrap();
-    let mut found = Vec::new();
+    let mut records = Vec::new();
     while file
         .read(7, |_, point| {
             let standard = point.record.len() - point.extra.len();
-            found.push((point.record[..standard].to_vec(), point.extra.to_vec()));
+            records.push((point.record[..standard].to_vec(), point.extra.to_vec()));
             Ok(())
         })
         .unwrap()
         > 0
     {}
-    found
+    records
 }
 
 fn vlr(user_id: &str, record_id: u16, data: Vec<u8>) -> las::Vlr {
@@ -91,7 +91,7 @@ fn write_input(path: &Path) -> las::Header {
     let length = usize::from(header.point_format().len());
     let bytes: Vec<u8> = (0..23 * length)
         .map(|i| match i % length {
-            // Arbitrary field values; the first byte of one return.
+            // Return 1 of 1; the other fields are arbitrary.
             14 => 0x11,
             // Times must be finite.
             at @ 22..30 => [0, 0, 0, 0, 0, 0, (i / length) as u8, 0x40][at - 22],
@@ -111,7 +111,7 @@ fn write_input(path: &Path) -> las::Header {
 }
 
 #[test]
-fn a_copy_keeps_everything_and_appends() {
+fn a_copy_keeps_all_fields_and_appends_dimensions() {
     let folder = tempfile::tempdir().unwrap();
     let all = dimensions();
     for (from, to) in [("a.las", "b.laz"), ("a.laz", "b.las"), ("a.laz", "c.laz")] {
@@ -170,7 +170,7 @@ fn a_copy_keeps_everything_and_appends() {
 }
 
 #[test]
-fn chosen_points_and_a_dimension_replaced() {
+fn a_copy_holds_the_chosen_points_and_replaces_a_dimension() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     write_input(&path("a.las"));
@@ -220,7 +220,7 @@ fn chosen_points_and_a_dimension_replaced() {
 }
 
 #[test]
-fn a_cloud_keeps_what_it_has() {
+fn a_cloud_is_written_with_the_times_and_intensities_that_it_has() {
     let folder = tempfile::tempdir().unwrap();
     let origin = Vec3::new(362_328.5, 5_157_700.25, 108.5);
     let mut cloud = PointCloud {
@@ -246,8 +246,8 @@ fn a_cloud_keeps_what_it_has() {
         );
         let back = read_cloud(&output).unwrap();
         assert_eq!(back.time_s.is_empty(), !has_time);
-        let kept = (0..40).filter(|i| *i != 3);
-        for ((at, point), extra) in kept.zip(&back.points).zip(records(&output)) {
+        let written = (0..40).filter(|i| *i != 3);
+        for ((at, point), extra) in written.zip(&back.points).zip(records(&output)) {
             assert!((point - cloud.points[at]).amax() < 0.51e-5);
             assert_eq!(extra.1[..8], value(at as u64, 0).to_le_bytes());
         }
@@ -259,7 +259,7 @@ fn a_cloud_keeps_what_it_has() {
 }
 
 #[test]
-fn a_cloud_wider_than_the_fine_step_reaches_is_written_coarser() {
+fn a_cloud_wider_than_32_bits_of_the_finest_step_is_written_in_coarser_steps() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("a.las");
     let cloud = PointCloud {
@@ -275,7 +275,7 @@ fn a_cloud_wider_than_the_fine_step_reaches_is_written_coarser() {
 }
 
 #[test]
-fn what_cannot_be_written_is_named() {
+fn copies_that_las_cannot_hold_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     write_input(&path("a.las"));
@@ -320,7 +320,7 @@ fn write_header(path: &Path, builder: las::Builder) {
 }
 
 #[test]
-fn inputs_that_cannot_be_copied_are_named() {
+fn inputs_that_cannot_be_copied_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("a.las"), folder.path().join("b.las"));
     let refused = || {
@@ -337,7 +337,7 @@ fn inputs_that_cannot_be_copied_are_named() {
     write_header(&input, las::Builder::from((1, 4)));
     assert!(refused().contains("no point"), "{}", refused());
 
-    // The extra bytes are described as eight, the points have two.
+    // The description claims eight extra bytes, and the points have two.
     let mut described = vec![0; 192];
     described[2] = 10;
     described[4..8].copy_from_slice(b"long");

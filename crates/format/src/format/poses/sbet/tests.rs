@@ -21,8 +21,7 @@ fn write(path: &Path, rows: &[[f64; 17]]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// Two records of a POS as PDAL's test of its SBET reader lists them (BSD licence), read there in
-/// radians.
+/// Two records of a real file, as listed in PDAL's test of its SBET reader (BSD licence), in radians.
 const REAL: [[f64; 17]; 2] = [
     [
         151631.002836071,
@@ -64,7 +63,8 @@ const REAL: [[f64; 17]; 2] = [
     ],
 ];
 
-/// The positions, velocities and rates of a real file are independent of our signs: they must agree.
+/// A real file was written without our conventions: its positions, velocities and rates agree only if
+/// our signs are right.
 #[test]
 fn motion_in_a_real_file_agrees_with_its_velocities_and_rates() {
     let (_folder, path) = folder();
@@ -75,18 +75,18 @@ fn motion_in_a_real_file_agrees_with_its_velocities_and_rates() {
     let dt = b.time_s - a.time_s;
     let moved = (b.world_from_body.translation_m - a.world_from_body.translation_m) / dt;
     let velocity = (a.velocity_m_s.unwrap() + b.velocity_m_s.unwrap()) * 0.5;
-    // 5 ms apart, 0.1 mm of filtering; an error of the sign of the wander angle, of y or of z would be
-    // 0.06 to 0.7 m/s.
+    // Over 5 ms, filtering moves positions by 0.1 mm; a wrong sign of the wander angle, of y or of z
+    // would cause 0.06 to 0.7 m/s.
     assert!((moved - velocity).norm() < 0.03, "{moved} {velocity}");
     let (from, to) = (a.world_from_body.rotation, b.world_from_body.rotation);
     let rate = so3::log(&(from.inverse() * to)) / dt;
-    // The rates of a record are those since the record before.
+    // The rates of a record are those since the previous record.
     let expected = Vec3::new(REAL[1][14], -REAL[1][15], -REAL[1][16]);
     assert!((rate - expected).norm() < 1e-4, "{rate} {expected}");
 }
 
 #[test]
-fn the_attitude_is_against_grid_north() {
+fn headings_refer_to_grid_north() {
     let (_folder, path) = folder();
     let mut row = REAL[0];
     (row[7], row[8], row[9], row[10]) = (0.1, -0.2, 1.0, 0.3);
@@ -95,10 +95,10 @@ fn the_attitude_is_against_grid_north() {
     let pose = read_sbet(&path, &system).unwrap()[0];
     let point = system.project(row[1], row[2]).unwrap();
     assert!(point.convergence_rad.abs() > 1e-4);
-    let found = roll_pitch_heading(&pose.world_from_body.rotation);
+    let angles = roll_pitch_heading(&pose.world_from_body.rotation);
     let expected = [0.1, -0.2, 0.7 - point.convergence_rad];
-    for (found, expected) in found.iter().zip(expected) {
-        assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+    for (angle, expected) in angles.iter().zip(expected) {
+        assert!((angle - expected).abs() < 1e-14, "{angle} {expected}");
     }
     assert_eq!(pose.world_from_body.translation_m.z, row[3]);
 }
@@ -106,7 +106,7 @@ fn the_attitude_is_against_grid_north() {
 /// `tests/data/sbet/scipy.sbet` with `scipy.csv` (time, east, north, up, qx, qy, qz, qw, velocity):
 /// made by pyproj 3.7.2 and scipy 1.17.1 from random records.
 #[test]
-fn poses_are_those_of_pyproj_and_scipy() {
+fn poses_agree_with_pyproj_and_scipy() {
     let path = Path::new(concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../../tests/data/sbet/scipy.sbet"
@@ -149,17 +149,17 @@ fn written_poses_are_read_back() {
         let poses = drive(start);
         write_sbet(&path, &poses, &system).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        let found = read_sbet(&path, &system).unwrap();
-        assert_eq!(found.len(), poses.len());
-        for (found, pose) in found.iter().zip(&poses) {
-            let (r, d) = found
+        let read = read_sbet(&path, &system).unwrap();
+        assert_eq!(read.len(), poses.len());
+        for (read, pose) in read.iter().zip(&poses) {
+            let (r, d) = read
                 .world_from_body
                 .perturbation_from(&pose.world_from_body);
             assert!(d.norm() < 1e-5 && r.norm() < 1e-11, "{name}: {d} {r}");
-            assert_eq!(found.time_s, pose.time_s);
+            assert_eq!(read.time_s, pose.time_s);
         }
-        // Central differences over 20 ms of a motion of some rad/s leave 1e-3 of it.
-        for pair in found.windows(3) {
+        // The writer takes central differences over 20 ms as well.
+        for pair in read.windows(3) {
             let moved =
                 pair[2].world_from_body.translation_m - pair[0].world_from_body.translation_m;
             let velocity = moved / (pair[2].time_s - pair[0].time_s);
@@ -174,10 +174,10 @@ fn written_poses_are_read_back() {
 }
 
 #[test]
-fn derivatives_have_the_axes_of_the_format() {
+fn velocities_and_rates_are_in_the_axes_of_the_format() {
     let (_folder, path) = folder();
     let system = Projection::new("EPSG:25832").unwrap();
-    // A right turn at 2 m/s and 0.5 rad/s, at first to grid north, on a climb of 0.1 m/s.
+    // A right turn at 2 m/s and 0.5 rad/s, initially towards grid north, climbing at 0.1 m/s.
     let pose = |i: i32| {
         let s = f64::from(i) * 0.01;
         let turn = 0.5 * s;
@@ -194,7 +194,7 @@ fn derivatives_have_the_axes_of_the_format() {
     let point = system.project(middle[1], middle[2]).unwrap();
     let gamma = point.convergence_rad;
     let speed = 2.0 / point.scale;
-    // West is positive in y: a true azimuth of gamma < 0 is to the west of north.
+    // y points west: a negative azimuth is west of north.
     assert!(gamma < -1e-3);
     for (column, expected) in [
         (4, speed * gamma.cos()),
@@ -217,13 +217,13 @@ fn derivatives_have_the_axes_of_the_format() {
 }
 
 #[test]
-fn single_poses_and_poses_that_cannot_be_written() {
+fn a_single_pose_is_written_and_invalid_poses_are_refused() {
     let (_folder, path) = folder();
     let system = Projection::new("EPSG:25832").unwrap();
     let mut poses = drive(Vec3::new(364_000.0, 5_621_000.0, 110.0));
     write_sbet(&path, &poses[..1], &system).unwrap();
-    let alone = read_sbet(&path, &system).unwrap();
-    assert_eq!(alone[0].velocity_m_s, Some(Vec3::zeros()));
+    let single = read_sbet(&path, &system).unwrap();
+    assert_eq!(single[0].velocity_m_s, Some(Vec3::zeros()));
     std::fs::remove_file(&path).unwrap();
     let refused = |poses: &[PoseRecord], expected: &str| {
         let error = write_sbet(&path, poses, &system).unwrap_err().to_string();

@@ -46,7 +46,7 @@ fn read(text: &str) -> Result<Vec<ScanPoint>> {
     Ok(all)
 }
 
-fn message(text: &str) -> String {
+fn refusal(text: &str) -> String {
     read(text).unwrap_err().to_string()
 }
 
@@ -58,34 +58,34 @@ fn point(time_s: f64, x_m: f64, z_m: f64, intensity: f32) -> ScanPoint {
     }
 }
 
-fn assert_near(found: &[ScanPoint], expected: &[ScanPoint]) {
-    assert_eq!(found.len(), expected.len());
-    for (found, expected) in found.iter().zip(expected) {
-        assert!((found.time_s - expected.time_s).abs() < 1e-12, "{found:?}");
+fn assert_near(points: &[ScanPoint], expected: &[ScanPoint]) {
+    assert_eq!(points.len(), expected.len());
+    for (point, expected) in points.iter().zip(expected) {
+        assert!((point.time_s - expected.time_s).abs() < 1e-12, "{point:?}");
         assert!(
-            (found.position_m - expected.position_m).norm() < 1e-15,
-            "{found:?}"
+            (point.position_m - expected.position_m).norm() < 1e-15,
+            "{point:?}"
         );
-        assert_eq!(found.intensity, expected.intensity);
+        assert_eq!(point.intensity, expected.intensity);
     }
 }
 
 #[test]
-fn uniform_profiles_have_x_in_the_header() {
-    let found = read(&(head("1,100.0", "0.0") + &uniform(ROWS))).unwrap();
+fn uniform_profiles_take_x_from_the_header() {
+    let points = read(&(head("1,100.0", "0.0") + &uniform(ROWS))).unwrap();
     let expected = [
         point(10.0, -0.5e-3, -10.25e-3, 17.0),
         point(10.0, 0.5e-3, 3e-3, 255.0),
         point(10.01, 0.0, 2.5e-3, 0.0),
     ];
-    assert_near(&found, &expected);
+    assert_near(&points, &expected);
 }
 
 #[test]
-fn point_cloud_profiles_have_rows_of_x() {
+fn point_cloud_profiles_take_x_from_rows() {
     let rows = "0,0,1024000,0,0,0,100,0,X,-0.51,0.02,0.53\n0,0,1024000,0,0,0,100,0,Z,1,-2,\n\
                 1,0,1034240,0,0,0,100,0,X,-0.52,,0.54\n1,0,1034240,0,0,0,100,0,Z,1.5,2,3\n";
-    let found =
+    let points =
         read(&(head("0,100.0", "0.0") + &raw(rows) + "\nSurface\nanything\nEnd\n")).unwrap();
     let expected = [
         point(1.0, -0.51e-3, 1e-3, 0.0),
@@ -93,7 +93,7 @@ fn point_cloud_profiles_have_rows_of_x() {
         point(1.01, -0.52e-3, 1.5e-3, 0.0),
         point(1.01, 0.54e-3, 3e-3, 0.0),
     ];
-    assert_near(&found, &expected);
+    assert_near(&points, &expected);
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn the_trigger_rate_decides_the_unit_of_time() {
 }
 
 #[test]
-fn inspect_states_units_and_frame() {
+fn inspect_names_units_and_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("replay.csv");
     std::fs::write(&path, head("0,100.0", "0.0") + &uniform(ROWS)).unwrap();
@@ -123,67 +123,70 @@ fn inspect_states_units_and_frame() {
 #[test]
 fn errors_name_the_fault() {
     let level = head("1,100.0", "0.0");
-    let all = |rows: &str| message(&(level.clone() + &uniform(rows)));
-    let found = message(&(head("1,100.0", "2.5") + &uniform(ROWS)));
-    assert!(found.contains("Transform X Angle = 2.5 degrees"), "{found}");
-    let found = message(&level.replace("\n2,1,", "\n3,1,"));
+    let with_rows = |rows: &str| refusal(&(level.clone() + &uniform(rows)));
+    let message = refusal(&(head("1,100.0", "2.5") + &uniform(ROWS)));
     assert!(
-        found.contains("CSV version 3, expected version 2"),
-        "{found}"
+        message.contains("Transform X Angle = 2.5 degrees"),
+        "{message}"
     );
-    let found = message(&(level.clone() + "Part\nFrame\n1\nEnd\n"));
+    let message = refusal(&level.replace("\n2,1,", "\n3,1,"));
     assert!(
-        found.contains("the blocks RecordingFilter, Part, expected a block Profile"),
-        "{found}"
+        message.contains("CSV version 3, expected version 2"),
+        "{message}"
     );
-    let tilted = message(&(head("1,100.0", "2.5") + "Part\nFrame\n1\nEnd\n"));
+    let message = refusal(&(level.clone() + "Part\nFrame\n1\nEnd\n"));
+    assert!(
+        message.contains("the blocks RecordingFilter, Part, expected a block Profile"),
+        "{message}"
+    );
+    let tilted = refusal(&(head("1,100.0", "2.5") + "Part\nFrame\n1\nEnd\n"));
     assert!(
         tilted.contains("the blocks RecordingFilter, Part"),
         "{tilted}"
     );
-    let found = message(&(level.clone() + &uniform(ROWS) + &raw("")));
+    let message = refusal(&(level.clone() + &uniform(ROWS) + &raw("")));
     assert!(
-        found.contains("second block of profiles, RawProfile"),
-        "{found}"
+        message.contains("second block of profiles, RawProfile"),
+        "{message}"
     );
-    let found = message(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,4,-0.5")));
+    let message = refusal(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,4,-0.5")));
     assert!(
-        found.contains("3 columns after Axis, expected 4"),
-        "{found}"
+        message.contains("3 columns after Axis, expected 4"),
+        "{message}"
     );
-    let found = message(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,3,-30.5")));
+    let message = refusal(&(level.clone() + &uniform(ROWS).replace("2,3,-0.5", "2,3,-30.5")));
     assert!(
-        found.contains("columns from -0.5 mm, expected from -30.5 mm"),
-        "{found}"
+        message.contains("columns from -0.5 mm, expected from -30.5 mm"),
+        "{message}"
     );
-    let found = all(&ROWS.replace("8,0,", "8,1,"));
+    let message = with_rows(&ROWS.replace("8,0,", "8,1,"));
     assert!(
-        found.contains("source 1 among those of source 0"),
-        "{found}"
+        message.contains("source 1 among those of source 0"),
+        "{message}"
     );
-    let found = all(&ROWS.replace("10250240", "9000000"));
-    assert!(found.contains("in time order"), "{found}");
-    let found = all(&ROWS.replace(",I,", ",Z,"));
-    assert!(found.contains("axis Z of frame 7 twice"), "{found}");
-    let found = all(&ROWS.replace(",I,", ",X,"));
+    let message = with_rows(&ROWS.replace("10250240", "9000000"));
+    assert!(message.contains("in time order"), "{message}");
+    let message = with_rows(&ROWS.replace(",I,", ",Z,"));
+    assert!(message.contains("axis Z of frame 7 twice"), "{message}");
+    let message = with_rows(&ROWS.replace(",I,", ",X,"));
     assert!(
-        found.contains("line 24: found `X` in column Axis, expected Z or I"),
-        "{found}"
+        message.contains("line 24: found `X` in column Axis, expected Z or I"),
+        "{message}"
     );
-    let found = all(&ROWS.replace("3.000", "3.0mm"));
+    let message = with_rows(&ROWS.replace("3.000", "3.0mm"));
     assert!(
-        found.contains("`3.0mm` in column 0.50000, expected a finite number"),
-        "{found}"
+        message.contains("`3.0mm` in column 0.50000, expected a finite number"),
+        "{message}"
     );
-    let found = all(&ROWS.replace("3.000", "3.000,4"));
-    assert!(found.contains("13 values, expected 12"), "{found}");
-    let found = message(&(level.clone() + uniform(ROWS).trim_end_matches("End\n")));
+    let message = with_rows(&ROWS.replace("3.000", "3.000,4"));
+    assert!(message.contains("13 values, expected 12"), "{message}");
+    let message = refusal(&(level.clone() + uniform(ROWS).trim_end_matches("End\n")));
     assert!(
-        found.contains("the end of the file, expected `End`"),
-        "{found}"
+        message.contains("the end of the file, expected `End`"),
+        "{message}"
     );
-    let found = all("");
-    assert!(found.contains("no valid point"), "{found}");
+    let message = with_rows("");
+    assert!(message.contains("no valid point"), "{message}");
 }
 
 #[test]

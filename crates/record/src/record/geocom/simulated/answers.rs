@@ -78,7 +78,7 @@ impl Simulated {
             }
         } else {
             match self.perform(procedure, request, time_s, &mut wait) {
-                Some(found) => outcome = found,
+                Some(performed) => outcome = performed,
                 None => return fails(ReturnCode::COM_CANT_DECODE_REQ),
             }
         }

@@ -1,15 +1,16 @@
-//! Do the streams meet?
+//! Do the streams overlap in time?
 
 use crate::error::Result;
 use crate::sensor::{Timed, check_overlap};
 use crate::trajectory::gaps::MAX_IMU_GAP_S;
 use crate::trajectory::streams::MIN_FIXES;
 
-/// Counts in `apart` how many of the newest records in a row were far from the IMU's newest sample when they came.
+/// Counts in `apart` how many of the newest records in a row were far from the IMU's newest sample when
+/// they arrived. `imu_s` are the IMU's first and newest time.
 ///
 /// # Errors
-/// As many as a start needs, and all outside the IMU's span: the streams will not meet, however long one waits.
-pub fn check_meeting<T: Timed>(
+/// There are as many as a start needs, all outside the IMU's span: waiting longer would not help.
+pub fn check_overlap_so_far<T: Timed>(
     apart: &mut usize,
     imu_s: (f64, f64),
     name: &str,
@@ -25,8 +26,8 @@ pub fn check_meeting<T: Timed>(
         return Ok(());
     }
     let last = records.iter().rev().take(MIN_FIXES).map(T::time_s);
-    let own_s = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time_s| {
+    let records_s = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time_s| {
         (from.min(time_s), to.max(time_s))
     });
-    check_overlap(("IMU log", imu_s), (name, own_s))
+    check_overlap(("IMU log", imu_s), (name, records_s))
 }

@@ -1,4 +1,4 @@
-//! No command replaces a file that it reads: it says so, and stops before it computes.
+//! No command replaces a file that it reads: it fails with a message before it computes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::common::{boresight, project_of_logs, refused};
 
-/// What is in a folder, subfolders left out.
+/// The files in a folder, without those in subfolders.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
     entries
@@ -19,15 +19,15 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// Runs a command in the folder and checks that it refuses to replace `input` and leaves every file
-/// as it was; the log, which says why, may be new.
-fn assert_kept(folder: &Path, arguments: &[&str], input: &str) {
+/// unchanged; the log, which gives the reason, may be new.
+fn assert_protected(folder: &Path, arguments: &[&str], input: &str) {
     let before = files(folder);
     let run = refused(folder, arguments);
     let named = format!("{input} is an input");
     assert!(run.err.contains(&named), "{arguments:?}: {}", run.err);
     let after = files(folder);
     for (name, bytes) in &before {
-        // The log of a refused command is its own, unless it is what was to be kept.
+        // A refused command may write its log, unless the log is the input.
         assert!(
             after[name] == *bytes || name == "log.txt" && input != "log.txt",
             "{arguments:?}: {name}"
@@ -38,7 +38,7 @@ fn assert_kept(folder: &Path, arguments: &[&str], input: &str) {
     assert!(new.is_empty(), "{arguments:?}: {new:?}");
 }
 
-/// A project whose tables read these files, all of which are there.
+/// Writes a project; all files that it names exist.
 fn project(folder: &Path, text: &str) {
     fs::write(folder.join("p.toml"), text).unwrap();
 }
@@ -49,12 +49,12 @@ const SCANNER: &str = "[[scanner]]\nname = \"left\"\nprofiles = \"left.csv\"\n\
                        translation_m = [0, 0, 0]\nrotation_deg = [0, 0, 0]\n";
 
 #[test]
-fn a_project_and_what_it_reads_is_kept() {
-    let kept = project_of_logs();
-    let folder = kept.path();
+fn a_project_and_its_inputs_are_not_replaced() {
+    let temp = project_of_logs();
+    let folder = temp.path();
     let out = ["--out", "./"];
     let on = |command: &str, project: &str, input: &str| {
-        assert_kept(folder, &[&[command, project], &out[..]].concat(), input);
+        assert_protected(folder, &[&[command, project], &out[..]].concat(), input);
     };
     on("run", "./project.toml", "project.toml");
 
@@ -66,7 +66,7 @@ fn a_project_and_what_it_reads_is_kept() {
     let imu = |name: &str| LOGS.replace("imu.csv", name) + SCANNER;
     project(folder, &imu("trajectory.csv"));
     on("trajectory", "./p.toml", "trajectory.csv");
-    assert_kept(
+    assert_protected(
         folder,
         &["trajectory", "./p.toml", "--online", "--out", "./"],
         "trajectory.csv",
@@ -97,14 +97,14 @@ fn a_project_and_what_it_reads_is_kept() {
         for name in ["cloud-left.laz", "log.txt"] {
             fs::write(folder.join(name), valid).unwrap();
             let given = format!("./{name}");
-            assert_kept(
+            assert_protected(
                 folder,
                 &["georeference", "./p.toml", flag, &given, "--out", "./"],
                 name,
             );
         }
     }
-    // The logs belong to the project even where they are not read.
+    // The logs belong to the project even if they are not read.
     copy("imu.csv", "cloud-left.laz");
     project(folder, &imu("cloud-left.laz"));
     let poses = folder.join("poses.csv");
@@ -113,7 +113,7 @@ fn a_project_and_what_it_reads_is_kept() {
         "time_s,east_m,north_m,up_m,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n",
     )
     .unwrap();
-    assert_kept(
+    assert_protected(
         folder,
         &[
             "georeference",
@@ -126,7 +126,7 @@ fn a_project_and_what_it_reads_is_kept() {
         "cloud-left.laz",
     );
 
-    // What an evaluation drive reads belongs to the project as well.
+    // The inputs of an evaluation drive belong to the project as well.
     project(folder, &imu("trajectory.csv"));
     let evaluation = "[[evaluation]]\nname = \"other\"\nproject = \"p.toml\"\n";
     fs::write(
@@ -138,16 +138,16 @@ fn a_project_and_what_it_reads_is_kept() {
 }
 
 #[test]
-fn clouds_are_kept() {
-    let kept = tempfile::tempdir().unwrap();
-    let folder = kept.path();
+fn clouds_are_not_replaced() {
+    let temp = tempfile::tempdir().unwrap();
+    let folder = temp.path();
     let points = "x,y,z\n0,0,0\n1,0,0\n0,1,0\n";
     for name in ["m3c2.csv", "a.csv", "log.txt"] {
         fs::write(folder.join(name), points).unwrap();
     }
     let out = ["--out", "./"];
     let on = |arguments: &[&str], input: &str| {
-        assert_kept(folder, &[arguments, &out[..]].concat(), input);
+        assert_protected(folder, &[arguments, &out[..]].concat(), input);
     };
     on(&["compare", "./m3c2.csv", "./a.csv"], "m3c2.csv");
     on(&["compare", "./a.csv", "./m3c2.csv"], "m3c2.csv");
@@ -158,7 +158,7 @@ fn clouds_are_kept() {
     on(&["thin", "./log.txt", "--voxel-m", "1"], "log.txt");
     on(&["features", "./log.txt"], "log.txt");
     on(&["compare", "./a.csv", "./log.txt"], "log.txt");
-    // Under another name, the names that these commands make are inputs too.
+    // A file with the name of an output can be the input under another name.
     for name in ["a-features.laz", "a-thinned.laz"] {
         fs::hard_link(folder.join("a.csv"), folder.join(name)).unwrap();
     }
@@ -167,22 +167,22 @@ fn clouds_are_kept() {
 }
 
 #[test]
-fn a_scenario_is_kept() {
-    let kept = tempfile::tempdir().unwrap();
+fn a_scenario_is_not_replaced() {
+    let temp = tempfile::tempdir().unwrap();
     for name in ["scenario.toml", "tls.laz", "log.txt"] {
-        fs::write(kept.path().join(name), "name = \"mine\"\n").unwrap();
+        fs::write(temp.path().join(name), "name = \"mine\"\n").unwrap();
         let scenario = format!("./{name}");
-        assert_kept(
-            kept.path(),
+        assert_protected(
+            temp.path(),
             &["simulate", "--scenario", &scenario, "--out", "./"],
             name,
         );
-        fs::remove_file(kept.path().join(name)).unwrap();
+        fs::remove_file(temp.path().join(name)).unwrap();
     }
 }
 
 #[test]
-fn a_folder_of_inputs_can_hold_results_that_replace_none() {
+fn results_can_be_written_into_the_folder_of_the_inputs() {
     let folder = project_of_logs();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let before = files(folder.path());
@@ -191,7 +191,7 @@ fn a_folder_of_inputs_can_hold_results_that_replace_none() {
     let after = files(folder.path());
     assert!(before.iter().all(|(name, bytes)| after[name] == *bytes));
     assert!(after.contains_key("trajectory.csv"));
-    // And again: earlier results are no inputs.
+    // And again: earlier results are not inputs.
     let run = boresight(&["trajectory", &at("project.toml"), "--out", &at("")]);
     assert_eq!(run.code, 0, "{}", run.err);
 }
