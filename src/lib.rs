@@ -192,6 +192,7 @@
 //! | [`judgement`] | results turned into verdicts, each once |
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
+//! | [`feed`] | records of a drive's logs, in common time and with the origin subtracted |
 //! | [`pipeline`] | the stages in order |
 //! | [`campaign`] | many plots and dates as items, a pool of processes, index and page |
 //! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself; live pose, playing again |
@@ -210,7 +211,7 @@ pub use boresight_estimation::{
     adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory, verdict,
 };
 pub use boresight_format::{format, sensor, tiles};
-pub use boresight_project::project;
+pub use boresight_project::{feed, project};
 pub use boresight_record::record;
 pub use boresight_report::{diagnostics, judgement, number, report, results};
 pub use boresight_simulation::simulation;

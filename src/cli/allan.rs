@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::print::unprintable;
 use crate::error::{Error, Location, Result};
-use crate::format;
+use crate::format::{self, Input};
 use crate::sensor::STANDARD_GRAVITY_M_S2;
 use crate::sensor::allan::{AxisNoise, Figure, ImuNoiseEstimate, allan};
 
@@ -156,7 +156,8 @@ fn digits(value: f64) -> String {
 
 /// Noise figures of the static log `file`, as JSON and as text.
 pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
-    let format = format::detect(file)?;
+    let input = &Input::from(file);
+    let format = format::detect(input)?;
     if !format.has_imu() {
         return Err(Error::format(
             file,
@@ -165,7 +166,7 @@ pub(super) fn inspect(file: &Path) -> Result<(Value, String)> {
             "an IMU log at rest, which is the only input of --allan",
         ));
     }
-    let noise = allan(&format::read_imu(file)?)?;
+    let noise = allan(&format::read_imu(input)?)?;
     let keys = Keys::of(&noise);
     let snippet = keys.iter().map(Keys::snippet).collect::<String>();
     Ok((

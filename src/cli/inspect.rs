@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::describe;
 use super::print::unprintable;
 use crate::error::Result;
-use crate::format;
+use crate::format::{self, Input};
 use crate::pipeline::{self, Outcome};
 use crate::project::{self, Mountings, Project};
 use crate::verdict::Verdict;
@@ -62,8 +62,9 @@ impl Inspect {
 
 /// Adds contradictions in the logs of a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
-    if format::detect(file)?.id() != "project" {
-        let description = format::inspect(file)?;
+    let input = &Input::from(file);
+    if format::detect(input)?.id() != "project" {
+        let description = format::inspect(input)?;
         let document = serde_json::to_value(&description).map_err(unprintable)?;
         return Ok((document, description.to_string().trim_end().to_owned()));
     }

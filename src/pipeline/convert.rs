@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::Outcome;
 use crate::error::{Error, Location, Result};
-use crate::format::{self, CloudRows, Format};
+use crate::format::{self, CloudRows, Format, Input};
 use crate::geometry::{BodyAxes, BodyFromScanner, Projection};
 use crate::output::Staging;
 use crate::progress::Progress;
@@ -113,7 +113,8 @@ pub fn convert(
     with: &Conversion,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let format = format::detect(input)?;
+    let file = &Input::from(input);
+    let format = format::detect(file)?;
     let folder = match output.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -122,7 +123,7 @@ pub fn convert(
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
     // Errors of the file in the staging folder name the requested output.
-    let summary = written(input, output, &staged, (format, with), progress)
+    let summary = written(file, output, &staged, (format, with), progress)
         .map_err(|error| error.renamed(&staged, output))?;
     progress.check()?;
     staging.commit()?;
@@ -137,7 +138,7 @@ pub fn convert(
 
 /// Writes `staged`, which becomes `output`; returns a description of the content.
 fn written(
-    input: &Path,
+    input: &Input,
     output: &Path,
     staged: &Path,
     (format, with): (Format, &Conversion),
@@ -168,7 +169,7 @@ fn written(
             mut scanners,
             axes,
             is_unusable,
-        } = project::mountings(input)?;
+        } = project::mountings(input.path())?;
         if is_unusable {
             progress.warn("this calibration is marked as not usable");
         }
@@ -180,7 +181,7 @@ fn written(
     Err(Error::data(
         format!(
             "{}: {format} cannot be written as {}",
-            input.display(),
+            input.path().display(),
             output.display()
         ),
         "write a cloud as .las, .laz, .copc.laz, .e57, .ply, .parquet or .csv; poses as .tum, .sbet, .parquet or \
@@ -258,7 +259,7 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
 
 /// Converts a cloud. LAS and LAZ are copied with all fields; otherwise clouds have positions, times, intensities and,
 /// if they come from LAS or LAZ, extra dimensions.
-fn cloud(input: &Path, output: &Path, format: Format, progress: &dyn Progress) -> Result<String> {
+fn cloud(input: &Input, output: &Path, format: Format, progress: &dyn Progress) -> Result<String> {
     let rows = CloudRows::open(input)?;
     let points = rows.len();
     let end = output.to_string_lossy().to_lowercase();
@@ -266,7 +267,7 @@ fn cloud(input: &Path, output: &Path, format: Format, progress: &dyn Progress) -
     let is_copy = format.is_las() && is_las && !end.ends_with(".copc.laz");
     let frame = format::describe_frame(input)?;
     if !is_copy && frame.contains("read as metres") {
-        progress.warn(&format!("{}: {frame}", input.display()));
+        progress.warn(&format!("{}: {frame}", input.path().display()));
     }
     if !is_copy && frame.contains("GeoTIFF keys") {
         progress
@@ -284,7 +285,7 @@ fn cloud(input: &Path, output: &Path, format: Format, progress: &dyn Progress) -
     };
     let _stage = progress.stage("converting the cloud", points);
     if is_copy {
-        format::copy_las(input, output, &[], &mut |_, _| Ok(true), progress)?;
+        format::copy_las(input.path(), output, &[], &mut |_, _| Ok(true), progress)?;
     } else {
         let mut sink = format::create_cloud(output, rows.shape())?;
         rows.for_each(progress, &mut |point| sink.push(point))?;

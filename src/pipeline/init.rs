@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Problem, Result};
-use crate::format::{self, Format};
+use crate::format::{self, Format, Input};
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 
@@ -115,7 +115,8 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
 impl Found {
     fn sort_in(&mut self, folder: &Path, file: &Path) {
         let path = file.strip_prefix(folder).unwrap_or(file).to_owned();
-        let Ok(format) = format::detect(file) else {
+        let input = &Input::from(file);
+        let Ok(format) = format::detect(input) else {
             self.unknown.push(path);
             return;
         };
@@ -123,14 +124,14 @@ impl Found {
             return;
         }
         if format.id() == "bonn-mounting" {
-            match format::read_mounting(file) {
+            match format::read_mounting(input) {
                 Ok(mounting) => self.mountings.push((path, mounting)),
                 Err(error) => self.unread.push(error.to_string()),
             }
             return;
         }
         if format.id() == "ros-bag" {
-            match format::inspect(file) {
+            match format::inspect(input) {
                 Ok(inspection) => self.recordings.push((path, inspection.notes.join("; "))),
                 Err(error) => self.unread.push(error.to_string()),
             }
@@ -149,8 +150,8 @@ impl Found {
             Role::Logs => {
                 let heading = format
                     .has_heading()
-                    .then(|| format::read_heading(file).map(drop));
-                let imu = format.has_imu().then(|| format::read_imu(file).map(drop));
+                    .then(|| format::read_heading(input).map(drop));
+                let imu = format.has_imu().then(|| format::read_imu(input).map(drop));
                 if let Some(Ok(())) = &heading {
                     self.heading.push(path.clone());
                 }

@@ -2,10 +2,10 @@
 
 use super::inputs::size;
 use crate::error::Result;
-use crate::format;
+use crate::feed::{Feed, own_clock};
 use crate::progress::Progress;
-use crate::project::{LogFile, Logs, PositionLog, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, RejectedRow};
+use crate::project::{Logs, Project};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Record, RejectedRow};
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
 
@@ -37,46 +37,25 @@ impl DriveLogs {
         let heading = logs.heading.iter().map(|log| &log.path);
         let all = positions.chain(heading).chain([&logs.imu.path]);
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
-        let mut imu = format::read_imu(&logs.imu.path)?;
+        let feed = Feed::new(project, logs);
+        let imu = feed.imu(&logs.imu.path, own_clock)?;
         stage.advance(size(&logs.imu.path))?;
-        imu.iter_mut()
-            .for_each(|sample| sample.time_s += logs.imu.time_offset_s);
-        let mut settings = logs.settings.clone();
+        let settings = feed.settings();
         let mut positions = Vec::with_capacity(logs.positions.len());
         let mut rejected = Vec::new();
-        for (log, settings) in logs.positions.iter().zip(&mut settings.positions) {
-            let PositionLog {
-                path,
-                time_offset_s,
-                observations,
-            } = log;
-            let Positions {
-                mut fixes,
-                rejected: rows,
-            } = format::read_projected_positions(path, observations, project.crs.as_ref())?;
-            for fix in &mut fixes {
-                fix.time_s += time_offset_s;
-                fix.position_m -= project.origin_m;
-            }
-            if let Some(station) = &mut settings.station_m {
-                *station -= project.origin_m;
-            }
-            stage.advance(size(path))?;
-            report_rejected(&settings.name, &rows, fixes.len() + rows.len(), progress);
+        for (sensor, log) in logs.positions.iter().enumerate() {
+            let read = feed.positions(sensor, &log.path, own_clock)?;
+            stage.advance(size(&log.path))?;
+            let (fixes, rows) = (read.fixes, read.rejected);
+            let name = &settings.positions[sensor].name;
+            report_rejected(name, &rows, fixes.len() + rows.len(), progress);
             rejected.extend(rows);
             positions.push(fixes);
         }
         let mut heading = Vec::new();
-        if let Some(LogFile {
-            path,
-            time_offset_s,
-        }) = &logs.heading
-        {
-            heading = format::read_heading(path)?;
-            stage.advance(size(path))?;
-            heading
-                .iter_mut()
-                .for_each(|fix| fix.time_s += time_offset_s);
+        if let Some(log) = &logs.heading {
+            heading = feed.heading(&log.path, own_clock)?;
+            stage.advance(size(&log.path))?;
         }
         Ok(Self {
             imu,
@@ -94,6 +73,17 @@ impl DriveLogs {
             positions: &self.positions,
             heading: &self.heading,
         }
+    }
+
+    /// The records of all sensors in time order.
+    pub fn in_order(&self) -> Vec<Record> {
+        let mut records: Vec<Record> = self.imu.iter().copied().map(Record::Imu).collect();
+        records.extend(self.heading.iter().copied().map(Record::Heading));
+        for (sensor, fixes) in self.positions.iter().enumerate() {
+            records.extend(fixes.iter().map(|fix| Record::Position(sensor, *fix)));
+        }
+        Record::sort(&mut records);
+        records
     }
 }
 

@@ -5,7 +5,9 @@
 //! | module | contents |
 //! |---|---|
 //! | [`project`] | `project.toml`: parsing and validation |
+//! | [`feed`] | records of a drive's logs, in common time and with the origin subtracted |
 
+pub mod feed;
 pub mod project;
 
 // Modules of the crates below, under the names that they have in `boresight`.

@@ -12,4 +12,4 @@ pub mod record;
 use boresight_cloud::{error, geometry};
 use boresight_estimation::trajectory;
 use boresight_format::{format, sensor};
-use boresight_project::project;
+use boresight_project::{feed, project};

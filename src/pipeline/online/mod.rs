@@ -2,7 +2,6 @@
 //! standard input.
 
 mod follow;
-mod record;
 mod session;
 mod stdin;
 
@@ -13,10 +12,9 @@ use super::job::Job;
 use super::logs::DriveLogs;
 use super::outcome::{Options, Outcome};
 use crate::error::{Error, Result};
+use crate::feed::Feed;
 use crate::progress::Progress;
-use crate::project::{Logs, Motion, Project};
-use crate::trajectory::TrajectorySettings;
-use record::in_order;
+use crate::project::{Motion, Project};
 use session::Session;
 
 /// Source of the records.
@@ -53,39 +51,27 @@ pub fn online(
     if !logs.settings.estimate.is_empty() {
         progress.warn("constants are held at the project's values until the drive ends");
     }
+    let feed = Feed::new(project, logs);
     let mut session;
     match source {
         Source::Replay => {
             let read = DriveLogs::read(project, logs, progress)?;
             session = Session::new(&read.settings, project.origin_m, None)?;
             let _stage = progress.stage("online", 0);
-            for record in in_order(&read) {
+            for record in read.in_order() {
                 session.add(record, progress)?;
             }
         }
         Source::Follow(idle) => {
-            session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
-            follow::follow(project, logs, idle, (&job, progress), |record| {
+            session = Session::new(&feed.settings(), project.origin_m, Some(rows))?;
+            follow::follow(feed, logs, idle, progress, |record| {
                 session.add(record, progress)
             })?;
         }
         Source::Lines(lines) => {
-            session = Session::new(&settings(project, logs), project.origin_m, Some(rows))?;
-            stdin::read(project, logs, lines, |record| session.add(record, progress))?;
+            session = Session::new(&feed.settings(), project.origin_m, Some(rows))?;
+            stdin::read(feed, lines, |record| session.add(record, progress))?;
         }
     }
     session.finish(project, options, job, live, progress)
-}
-
-/// The project's settings, with the origin subtracted from stations.
-fn settings(project: &Project, logs: &Logs) -> TrajectorySettings {
-    let mut settings = logs.settings.clone();
-    for station in settings
-        .positions
-        .iter_mut()
-        .filter_map(|p| p.station_m.as_mut())
-    {
-        *station -= project.origin_m;
-    }
-    settings
 }

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::record::Record;
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
@@ -14,7 +13,7 @@ use crate::pipeline::outcome::{Options, Outcome};
 use crate::pipeline::stages::write_trajectory;
 use crate::progress::Progress;
 use crate::project::Project;
-use crate::sensor::PoseRecord;
+use crate::sensor::{PoseRecord, Record};
 use crate::statistics::quantile;
 use crate::trajectory::{Jump, Online, OnlineOptions, TrajectorySettings, Update};
 
@@ -51,14 +50,7 @@ impl<'a> Session<'a> {
     pub(super) fn add(&mut self, record: Record, progress: &dyn Progress) -> Result<()> {
         progress.check()?;
         let begun = Instant::now();
-        let updates = match record {
-            Record::Imu(sample) => self.smoother.imu(sample)?,
-            Record::Position(sensor, fix) => self.smoother.position(sensor, fix)?,
-            Record::Heading(fix) => {
-                self.smoother.heading(fix)?;
-                Vec::new()
-            }
-        };
+        let updates = self.smoother.take(record)?;
         if updates.is_empty() {
             self.say_why_it_waits(progress);
             return Ok(());

@@ -233,26 +233,9 @@ fn check_values<T: Timed>(name: &str, stream: &[T], valid: impl Fn(&T) -> bool) 
     }
 }
 
-/// A record whose time can be shifted.
-trait Shift: Timed + Copy {
-    fn shifted(self, by_s: f64) -> Self;
-}
-
-macro_rules! shift {
-    ($($record:ty),*) => {$(
-        impl Shift for $record {
-            fn shifted(mut self, by_s: f64) -> Self {
-                self.time_s += by_s;
-                self
-            }
-        }
-    )*};
-}
-shift!(ImuSample, PositionFix, HeadingFix);
-
 /// The largest set of records whose times increase strictly, after the corrections of the clock; the
 /// others are dropped and listed. One wild stamp costs one record, however far off it is.
-fn ordered<T: Shift>(
+fn ordered<T: Timed + Copy>(
     records: &[T],
     stream: Stream,
     names: &Names<'_>,
@@ -263,12 +246,14 @@ fn ordered<T: Shift>(
         .iter()
         .enumerate()
         .map(|(record, value)| {
+            let mut value = *value;
             let shift: f64 = corrections
                 .iter()
                 .filter(|c| c.stream == stream && c.record <= record)
                 .map(|c| c.shift_s)
                 .sum();
-            value.shifted(shift)
+            *value.time_s_mut() += shift;
+            value
         })
         .collect();
     let times: Vec<f64> = corrected.iter().map(Timed::time_s).collect();
@@ -350,7 +335,7 @@ fn check_unit(
 }
 
 /// The records inside the IMU's span; the others are dropped and listed.
-fn within<T: Shift>(
+fn within<T: Timed>(
     records: Vec<Numbered<T>>,
     span: (f64, f64),
     stream: Stream,

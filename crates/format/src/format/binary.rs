@@ -1,12 +1,11 @@
 //! Numbers in binary records with a layout described by a header: PLY, PCD and `.npy`.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::file;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::input::{Input, Stream};
 use crate::geometry::Vec3;
 
 /// A number type in a binary record.
@@ -101,16 +100,16 @@ impl Fields {
 /// The bytes of a file, read piece by piece.
 pub(crate) struct Bytes {
     pub(crate) path: PathBuf,
-    pub(crate) reader: BufReader<File>,
+    pub(crate) reader: BufReader<Stream>,
     pub(crate) at: u64,
     pub(crate) total: u64,
 }
 
 impl Bytes {
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (file, total) = file::open(path)?;
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        let (file, total) = input.open()?;
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
             at: 0,
             total,

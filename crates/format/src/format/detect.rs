@@ -1,9 +1,7 @@
 //! Detection of file formats: by content, then by name.
 
-use std::io::{Seek, SeekFrom};
-use std::path::Path;
-
-use super::file::{extension, first_bytes, is_parquet, nothing_in, open};
+use super::file::{extension, nothing_in};
+use super::input::Input;
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::parquet;
@@ -13,38 +11,45 @@ use crate::format::log::positions;
 use crate::format::poses::table as pose_table;
 use crate::format::text::lines::{Lines, Separator, numbers};
 
-/// Detects the format of a file.
+/// Detects the format of a file; that of an [`Input`] is remembered.
 ///
 /// # Errors
 /// A file that is missing, empty, or of an unknown format; the error names its first columns.
-pub fn detect(path: &Path) -> Result<Format> {
-    let (mut file, size) = open(path)?;
-    let start = first_bytes(path, &mut file)?;
-    file.seek(SeekFrom::Start(0))
-        .map_err(|e| Error::io(path, e))?;
+pub fn detect(input: impl Into<Input>) -> Result<Format> {
+    let input = input.into();
+    let index = input.detected(|| {
+        let kind = by_content(&input)?;
+        let is_same = |other: &&Kind| other.id == kind.id;
+        Ok(KINDS.iter().position(is_same).unwrap_or_default())
+    })?;
+    Ok(Format(KINDS[index]))
+}
+
+fn by_content(input: &Input) -> Result<&'static Kind> {
+    let (_, size) = input.open()?;
     let start = Start {
-        bytes: &start,
+        bytes: &input.start()?,
         size,
     };
     let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|matches| matches(&start));
     if let Some(kind) = KINDS.iter().find(is_signed) {
-        return Ok(Format(kind));
+        return Ok(kind);
     }
-    if is_parquet(path) {
-        return by_parquet(path).map(Format);
+    if input.is_parquet() {
+        return by_parquet(input);
     }
     // The content is ambiguous: the extension decides if it is known, and its reader reports errors.
-    let extension = extension(path);
+    let extension = extension(input.path());
     let is_named = |kind: &&&Kind| kind.extensions.contains(&extension.as_str());
     match KINDS.iter().find(is_named) {
-        Some(kind) => Ok(Format(kind)),
-        None => by_text(path).map(Format),
+        Some(kind) => Ok(kind),
+        None => by_text(input),
     }
 }
 
 /// The format of a table or of lines of numbers.
-fn by_text(path: &Path) -> Result<&'static Kind> {
-    let mut lines = Lines::open(path)?;
+fn by_text(input: &Input) -> Result<&'static Kind> {
+    let mut lines = Lines::open(input)?;
     let mut cells = Vec::new();
     let mut comment = Vec::new();
     let mut single = 0;
@@ -77,7 +82,7 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
         }
         let header = by_header(&comment).filter(|_| comment.len() == cells.len());
         if let Some(format) = header {
-            refuse_matrix(path, &mut lines, cells)?;
+            refuse_matrix(input, &mut lines, cells)?;
             return Ok(format);
         }
         // A header with unknown names must not pass for a comment above lines of x y z.
@@ -92,13 +97,13 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             (1, 0) => single = 1,
             (1, _) => return Ok(&pts::PTX),
             (3.., 1) => return Ok(&pts::PTS),
-            (3.., _) if extension(path) == "xyz" => return Ok(&cloud_table::XYZ),
+            (3.., _) if extension(input.path()) == "xyz" => return Ok(&cloud_table::XYZ),
             (3.., _) => {
                 let fits = |kind: &&&Kind| kind.numbers.is_some_and(|fit| fit(&cells));
                 if let Some(kind) = KINDS.iter().find(fits) {
                     return Ok(kind);
                 }
-                refuse_matrix(path, &mut lines, cells)?;
+                refuse_matrix(input, &mut lines, cells)?;
                 return Ok(&cloud_table::XYZ);
             }
             (n, _) => {
@@ -109,14 +114,14 @@ fn by_text(path: &Path) -> Result<&'static Kind> {
             }
         }
     }
-    Err(nothing_in(path, "line of data"))
+    Err(nothing_in(input.path(), "line of data"))
 }
 
 /// An error if the file is a 4 by 4 matrix.
-fn refuse_matrix(path: &Path, lines: &mut Lines, cells: Vec<f64>) -> Result<()> {
+fn refuse_matrix(input: &Input, lines: &mut Lines, cells: Vec<f64>) -> Result<()> {
     if is_matrix(lines, cells)? {
         Err(Error::format(
-            path,
+            input.path(),
             Location::Whole,
             "a 4 by 4 matrix",
             KNOWN,
@@ -162,12 +167,12 @@ fn listed(names: &[String]) -> String {
 }
 
 /// The format of the table in a Parquet file.
-fn by_parquet(path: &Path) -> Result<&'static Kind> {
-    let header = parquet::header(path)?;
+fn by_parquet(input: &Input) -> Result<&'static Kind> {
+    let header = parquet::header(input)?;
     if header.is_foreign_cloud {
         return Ok(&cloud_table::CLOUD_TABLE);
     }
-    let unknown = || Error::format(path, Location::Whole, listed(&header.names), KNOWN);
+    let unknown = || Error::format(input.path(), Location::Whole, listed(&header.names), KNOWN);
     by_columns(&header.names).ok_or_else(unknown)
 }
 

@@ -1,7 +1,5 @@
-//! Opening of files, shared by all readers.
+//! Names of files and of their parts, and decoders that may fail; shared by all readers.
 
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,52 +31,6 @@ impl Part {
 /// The file of a path that may also name a part of the file, such as a topic of a recording.
 pub fn file_of(path: &Path) -> PathBuf {
     Part::of(path).file
-}
-
-/// Opens a file that must not be empty; also returns its size in bytes.
-pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
-    let path = &file_of(path);
-    // Opening a pipe would wait for a writer.
-    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-    if !metadata.is_file() {
-        let file_type = if metadata.is_dir() {
-            "a folder"
-        } else {
-            "a pipe or a device"
-        };
-        return Err(Error::format(path, Location::Whole, file_type, "a file"));
-    }
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    if metadata.len() == 0 {
-        return Err(Error::format(
-            path,
-            Location::Whole,
-            "an empty file",
-            "data",
-        ));
-    }
-    Ok((file, metadata.len()))
-}
-
-/// The first bytes of a file, up to 4096; the file is left at its start.
-pub(crate) fn first_bytes(path: &Path, file: &mut File) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    file.take(4096)
-        .read_to_end(&mut bytes)
-        .and_then(|_| file.seek(SeekFrom::Start(0)))
-        .map_err(|e| Error::io(path, e))?;
-    Ok(bytes)
-}
-
-/// The first bytes of a Parquet file, and also its last.
-const PARQUET: &[u8] = b"PAR1";
-
-/// Whether a file is Parquet; false if it cannot be read.
-pub fn is_parquet(path: &Path) -> bool {
-    open(path).is_ok_and(|(mut file, _)| {
-        let mut start = [0; PARQUET.len()];
-        file.read_exact(&mut start).is_ok() && start == PARQUET
-    })
 }
 
 /// The error for a file of the right format without content.

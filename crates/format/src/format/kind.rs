@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::table::Columns;
 use crate::sensor::{GeographicFix, HeadingFix, ImuSample, Observations, PoseRecord, Positions};
@@ -35,8 +36,8 @@ pub(crate) struct WholeRecord {
 /// first, because this function is called at every byte.
 pub(crate) type RecordAt = fn(&[u8], &dyn Fn(f64) -> bool) -> Option<WholeRecord>;
 
-/// A function that reads a file.
-pub(crate) type Reader<T> = fn(&Path) -> Result<T>;
+/// A function that reads a file or an excerpt of it.
+pub(crate) type Reader<T> = fn(&Input) -> Result<T>;
 
 /// Units and frame of a file's content in one line, and whether the file or its format states them or they are
 /// assumed.
@@ -67,7 +68,7 @@ pub(crate) struct Kind {
     pub(crate) extensions: &'static [&'static str],
     pub(crate) imu: Option<Reader<Vec<ImuSample>>>,
     pub(crate) heading: Option<Reader<Vec<HeadingFix>>>,
-    pub(crate) positions: Option<fn(&Path, &Observations) -> Result<Positions>>,
+    pub(crate) positions: Option<fn(&Input, &Observations) -> Result<Positions>>,
     pub(crate) geographic: Option<Reader<Vec<GeographicFix>>>,
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
     pub(crate) cloud: Option<Reader<PointCloud>>,

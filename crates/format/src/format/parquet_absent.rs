@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudShape, CloudSink};
 use crate::format::extents::Extent;
+use crate::format::input::Input;
 
 fn absent(path: &Path) -> Error {
     Error::format(
@@ -23,8 +24,8 @@ pub(crate) struct Header {
 }
 
 /// Refuses to read.
-pub(crate) fn header(path: &Path) -> Result<Header> {
-    Err(absent(path))
+pub(crate) fn header(input: &Input) -> Result<Header> {
+    Err(absent(input.path()))
 }
 
 /// Rows that cannot be read.
@@ -33,8 +34,8 @@ pub(crate) struct Rows(Infallible);
 
 impl Rows {
     /// Refuses to read.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        Err(absent(path))
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        Err(absent(input.path()))
     }
 
     pub(crate) fn names(&self) -> &[String] {

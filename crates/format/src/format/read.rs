@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::detect::detect;
 use super::file::nothing_in;
+use super::input::Input;
 use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
 use super::recorded::{SensorClock, sensor_clock, station_times};
@@ -17,7 +18,7 @@ use crate::format::profiles::reader::ProfileReader;
 use crate::format::profiles::table as profile;
 use crate::geometry::{BodyAxes, Projection};
 use crate::sensor::{
-    HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, project_fixes,
+    HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, Timed, project_fixes,
 };
 
 /// The reader that `select` chooses from the format of a file. A text table with other columns, or a file of an
@@ -26,12 +27,12 @@ use crate::sensor::{
 /// # Errors
 /// A file that cannot be opened, or of a format without such measurements.
 fn reader<T>(
-    path: &Path,
+    input: &Input,
     what: &str,
     select: impl Fn(&Kind) -> Option<T>,
     table: &'static Kind,
 ) -> Result<T> {
-    let kind = match detect(path) {
+    let kind = match detect(input) {
         Ok(format) => format.0,
         Err(error @ Error::Io { .. }) => return Err(error),
         Err(_) => table,
@@ -43,17 +44,23 @@ fn reader<T>(
     let names = KINDS.iter().filter(|kind| select(kind).is_some());
     let names: Vec<&str> = names.map(|kind| kind.name).collect();
     let expected = format!("{what}: {}", names.join(", "));
-    Err(Error::format(path, Location::Whole, kind.name, expected))
+    Err(Error::format(
+        input.path(),
+        Location::Whole,
+        kind.name,
+        expected,
+    ))
 }
 
 /// Reads an IMU log. Rows are returned in the order of the file.
 ///
 /// # Errors
 /// A file of another format, and errors of the format's reader.
-pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
-    let mut samples = reader(path, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(path)?;
-    let clock = sensor_clock(path)?;
-    put_on_common_time(clock.as_ref(), samples.iter_mut().map(|s| &mut s.time_s));
+pub fn read_imu(input: impl Into<Input>) -> Result<Vec<ImuSample>> {
+    let input = &input.into();
+    let mut samples = reader(input, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(input)?;
+    let clock = sensor_clock(input)?;
+    put_on_common_time(clock.as_ref(), &mut samples);
     Ok(samples)
 }
 
@@ -61,11 +68,12 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// A file of another format, and errors of the format's reader.
-pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
+pub fn read_heading(input: impl Into<Input>) -> Result<Vec<HeadingFix>> {
+    let input = &input.into();
     let select = |kind: &Kind| kind.heading;
-    let mut fixes = reader(path, "a heading log", select, &native::HEADING_TABLE)?(path)?;
-    let clock = sensor_clock(path)?;
-    put_on_common_time(clock.as_ref(), fixes.iter_mut().map(|f| &mut f.time_s));
+    let mut fixes = reader(input, "a heading log", select, &native::HEADING_TABLE)?(input)?;
+    let clock = sensor_clock(input)?;
+    put_on_common_time(clock.as_ref(), &mut fixes);
     Ok(fixes)
 }
 
@@ -75,14 +83,14 @@ pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 ///
 /// # Errors
 /// A file of another format, errors of the format's reader, no row with a range.
-pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+pub fn read_positions(input: impl Into<Input>, observations: &Observations) -> Result<Positions> {
+    let input = &input.into();
     let select = |kind: &Kind| kind.positions;
-    let read = reader(path, "a position log", select, &positions::POSITION_TABLE)?;
-    let mut positions = read(path, observations)?;
-    let clock = sensor_clock(path)?;
-    let times = positions.fixes.iter_mut().map(|f| &mut f.time_s);
-    put_on_common_time(clock.as_ref(), times);
-    let corrected_times: HashMap<u64, f64> = station_times(path)?
+    let read = reader(input, "a position log", select, &positions::POSITION_TABLE)?;
+    let mut positions = read(input, observations)?;
+    let clock = sensor_clock(input)?;
+    put_on_common_time(clock.as_ref(), &mut positions.fixes);
+    let corrected_times: HashMap<u64, f64> = station_times(input)?
         .into_iter()
         .map(|(written_s, corrected_s)| (written_s.to_bits(), corrected_s))
         .collect();
@@ -95,9 +103,11 @@ pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positi
 }
 
 /// Converts times of a recorded sensor's own clock to the common time of its recording.
-fn put_on_common_time<'a>(clock: Option<&SensorClock>, times_s: impl Iterator<Item = &'a mut f64>) {
+fn put_on_common_time<T: Timed>(clock: Option<&SensorClock>, records: &mut [T]) {
     if let Some(clock) = clock {
-        times_s.for_each(|time_s| *time_s = clock.common_s(*time_s));
+        for record in records {
+            *record.time_s_mut() = clock.common_s(record.time_s());
+        }
     }
 }
 
@@ -106,13 +116,14 @@ fn put_on_common_time<'a>(clock: Option<&SensorClock>, times_s: impl Iterator<It
 /// # Errors
 /// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; times
 /// that do not increase; no poses.
-pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
+pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
+    let input = &input.into();
     reader(
-        path,
+        input,
         "a trajectory",
         |kind| kind.poses,
         &pose_table::POSE_TABLE,
-    )?(path)
+    )?(input)
 }
 
 /// Reads a position log like [`read_positions`], and projects geographic positions.
@@ -120,26 +131,26 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<PoseRecord>> {
 /// # Errors
 /// Those of [`read_positions`]; geographic positions if `crs` is `None` or if they lie outside of it.
 pub fn read_projected_positions(
-    path: &Path,
+    input: impl Into<Input>,
     observations: &Observations,
     crs: Option<&Projection>,
 ) -> Result<Positions> {
-    let geographic = match detect(path) {
+    let input = &input.into();
+    let geographic = match detect(input) {
         Ok(Format(kind)) if kind.positions.is_none() => kind.geographic,
         _ => None,
     };
     let Some(reader) = geographic else {
-        return read_positions(path, observations);
+        return read_positions(input, observations);
     };
-    let crs = crs.ok_or_else(|| unprojected(path))?;
-    let mut geographic = reader(path)?;
-    let clock = sensor_clock(path)?;
-    let times = geographic.iter_mut().map(|f| &mut f.time_s);
-    put_on_common_time(clock.as_ref(), times);
+    let crs = crs.ok_or_else(|| unprojected(input.path()))?;
+    let mut geographic = reader(input)?;
+    let clock = sensor_clock(input)?;
+    put_on_common_time(clock.as_ref(), &mut geographic);
     let fixes = project_fixes(&geographic, crs).map_err(|error| match error {
         Error::Data {
             problem, remedy, ..
-        } => Error::data(format!("{}: {problem}", path.display()), remedy),
+        } => Error::data(format!("{}: {problem}", input.path().display()), remedy),
         other => other,
     })?;
     Ok(Positions {
@@ -154,15 +165,16 @@ pub fn read_projected_positions(
 /// # Errors
 /// Those of [`read_trajectory`]; geographic poses if `crs` is `None` or if they lie outside of it.
 pub fn read_projected_trajectory(
-    path: &Path,
+    input: impl Into<Input>,
     axes: BodyAxes,
     crs: Option<&Projection>,
 ) -> Result<Vec<PoseRecord>> {
-    if !detect(path).is_ok_and(|format| format.id() == sbet::SBET.id) {
-        return read_trajectory(path);
+    let input = &input.into();
+    if !detect(input).is_ok_and(|format| format.id() == sbet::SBET.id) {
+        return read_trajectory(input);
     }
-    let crs = crs.ok_or_else(|| unprojected(path))?;
-    let mut poses = sbet::read_sbet(path, crs)?;
+    let crs = crs.ok_or_else(|| unprojected(input.path()))?;
+    let mut poses = sbet::read_sbet(input, crs)?;
     for pose in &mut poses {
         pose.world_from_body.rotation *= axes.body_from_flu();
     }
@@ -183,20 +195,21 @@ fn unprojected(path: &Path) -> Error {
 ///
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points.
-pub fn read_cloud(path: &Path) -> Result<PointCloud> {
+pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
+    let input = &input.into();
     let mut cloud = reader(
-        path,
+        input,
         "a cloud",
         |kind| kind.cloud,
         &cloud_table::CLOUD_TABLE,
-    )?(path)?;
+    )?(input)?;
     if cloud.points.is_empty() {
-        return Err(nothing_in(path, "point"));
+        return Err(nothing_in(input.path(), "point"));
     }
     cloud.forget_incomplete();
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(
-            path,
+            input.path(),
             Location::Whole,
             format!("{} points", cloud.points.len()),
             format!("{} at most: thin the cloud", u32::MAX),
@@ -209,9 +222,10 @@ pub fn read_cloud(path: &Path) -> Result<PointCloud> {
 ///
 /// # Errors
 /// A file that is missing, damaged or of an unknown format.
-pub fn crs_wkt(path: &Path) -> Result<Option<String>> {
-    match detect(path)?.0.wkt {
-        Some(reader) => reader(path),
+pub fn crs_wkt(input: impl Into<Input>) -> Result<Option<String>> {
+    let input = &input.into();
+    match detect(input)?.0.wkt {
+        Some(reader) => reader(input),
         None => Ok(None),
     }
 }
@@ -220,10 +234,11 @@ pub fn crs_wkt(path: &Path) -> Result<Option<String>> {
 ///
 /// # Errors
 /// A file that is missing, damaged or of an unknown format.
-pub fn describe_frame(path: &Path) -> Result<String> {
-    match detect(path)?.0.frame {
+pub fn describe_frame(input: impl Into<Input>) -> Result<String> {
+    let input = &input.into();
+    match detect(input)?.0.frame {
         Frame::Fixed(text) => Ok(text.to_owned()),
-        Frame::OfFile(reader) => reader(path),
+        Frame::OfFile(reader) => reader(input),
     }
 }
 
@@ -231,10 +246,11 @@ pub fn describe_frame(path: &Path) -> Result<String> {
 ///
 /// # Errors
 /// A file that is missing, empty, or of a format without points in the frame of a scanner.
-pub fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
+pub fn open_profiles(input: impl Into<Input>) -> Result<Box<dyn ProfileReader>> {
+    let input = &input.into();
     let select = |kind: &Kind| kind.profiles;
-    let profiles = reader(path, "profiles", select, &profile::PROFILE_TABLE)?(path)?;
-    Ok(match sensor_clock(path)? {
+    let profiles = reader(input, "profiles", select, &profile::PROFILE_TABLE)?(input)?;
+    Ok(match sensor_clock(input)? {
         Some(clock) => Box::new(OnCommonTime { profiles, clock }),
         None => profiles,
     })
@@ -249,8 +265,7 @@ struct OnCommonTime {
 impl ProfileReader for OnCommonTime {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         let is_more = self.profiles.next_chunk(into)?;
-        let times = into.iter_mut().map(|point| &mut point.time_s);
-        put_on_common_time(Some(&self.clock), times);
+        put_on_common_time(Some(&self.clock), into);
         Ok(is_more)
     }
 

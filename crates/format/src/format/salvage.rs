@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
 use super::detect::detect;
-use super::file;
+use super::input::Input;
 use super::kind::{Kind, RecordAt};
 use super::kinds::KINDS;
 use crate::error::{Error, Location, Result};
@@ -49,11 +49,12 @@ const LONGEST_PAUSE_S: f64 = 3600.0;
 /// # Errors
 /// Files that cannot be read or written, or that have another format; a file without an undamaged record or row.
 pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
-    let detected = detect(path).ok().map(|format| format.0);
-    let is_parquet = file::is_parquet(path);
+    let input = &Input::from(path);
+    let detected = detect(input).ok().map(|format| format.0);
+    let is_parquet = input.is_parquet();
     let salvaged = match detected.and_then(|kind| kind.record) {
-        Some(record) => records(path, to, record),
-        None if detected.is_none_or(is_text) && !is_parquet => rows(path, to),
+        Some(record) => records(input, to, record),
+        None if detected.is_none_or(is_text) && !is_parquet => rows(input, to),
         None => {
             let kinds = KINDS.iter().filter(|kind| kind.record.is_some());
             let names: Vec<&str> = kinds.map(|kind| kind.name).collect();
@@ -84,8 +85,8 @@ fn is_text(kind: &Kind) -> bool {
     kind.columns.is_some() || kind.numbers.is_some()
 }
 
-fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
-    let (mut from, total) = file::open(path)?;
+fn records(input: &Input, to: &Path, record: RecordAt) -> Result<Salvaged> {
+    let (mut from, total) = input.open()?;
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = BufWriter::with_capacity(1 << 20, out);
     let mut salvaged = Salvaged::default();
@@ -102,7 +103,7 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
             (&mut from)
                 .take(wanted)
                 .read_to_end(&mut window)
-                .map_err(|e| Error::io(path, e))?;
+                .map_err(|e| Error::io(input.path(), e))?;
         }
         let fits = |time_s: f64| {
             last_s.is_none_or(|last_s| {
@@ -141,8 +142,8 @@ fn records(path: &Path, to: &Path, record: RecordAt) -> Result<Salvaged> {
     Ok(salvaged)
 }
 
-fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
-    let (from, _) = file::open(path)?;
+fn rows(input: &Input, to: &Path) -> Result<Salvaged> {
+    let (from, _) = input.open()?;
     let mut from = BufReader::with_capacity(1 << 20, from);
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = BufWriter::with_capacity(1 << 20, out);
@@ -155,7 +156,7 @@ fn rows(path: &Path, to: &Path) -> Result<Salvaged> {
         let read = (&mut from)
             .take(LONGEST_LINE)
             .read_until(b'\n', &mut line)
-            .map_err(|e| Error::io(path, e))? as u64;
+            .map_err(|e| Error::io(input.path(), e))? as u64;
         if read == 0 {
             break;
         }

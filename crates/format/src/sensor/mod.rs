@@ -2,6 +2,7 @@
 
 mod frame_log;
 mod projected;
+mod record;
 mod total_station;
 
 pub mod allan;
@@ -11,6 +12,7 @@ use crate::geometry::{Mat3, Vec3, WorldFromBody};
 use crate::stored::stored;
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use projected::project_fixes;
+pub use record::Record;
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
 /// Standard gravity, the g of datasheets, m/s².
@@ -187,6 +189,9 @@ pub struct PoseSigma {
 pub trait Timed {
     /// Seconds.
     fn time_s(&self) -> f64;
+
+    /// Seconds, to be changed.
+    fn time_s_mut(&mut self) -> &mut f64;
 }
 
 macro_rules! timed {
@@ -194,6 +199,10 @@ macro_rules! timed {
         impl Timed for $record {
             fn time_s(&self) -> f64 {
                 self.time_s
+            }
+
+            fn time_s_mut(&mut self) -> &mut f64 {
+                &mut self.time_s
             }
         }
     )*};

@@ -1,6 +1,6 @@
-//! The trajectory while driving, from what is recorded, by the online smoother.
+//! The pose while driving: the online smoother on the logs that are being recorded.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,28 +11,28 @@ use super::coverage::{Coverage, Seen};
 use super::field::Field;
 use super::tail::Tail;
 use crate::error::{Error, Result};
-use crate::format;
+use crate::feed::Feed;
 use crate::geometry::Vec3;
 use crate::geometry::heading::heading_rad;
-use crate::project::{Logs, Motion, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix};
+use crate::project::{Motion, Project};
+use crate::sensor::Record;
 use crate::trajectory::{Online, OnlineOptions, TrajectorySettings, Update};
 
-/// Time between two looks at the logs, of ours.
+/// Interval between checks of the logs for new records.
 const LOOK: Duration = Duration::from_millis(250);
-/// A smoother keeps all records until its end: after so many seconds of the recording another one takes its place,
-/// which was begun [`OVERLAP_S`] before.
+/// A smoother keeps all its records in memory. After this time another one replaces it, which has run beside it for
+/// [`OVERLAP_S`]. Seconds.
 const TERM_S: f64 = 1800.0;
 const OVERLAP_S: f64 = 120.0;
 
-/// What is known of the platform's pose while driving.
+/// The platform's pose while driving, for display.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LiveView {
     /// The newest pose; `None` before the first one.
     pub pose: Option<LivePose>,
-    /// Why there is no pose, or none any more.
+    /// Why there is no pose.
     pub trouble: Option<String>,
-    /// Which boards were seen from where.
+    /// The boards that have been seen, and from which sides.
     pub boards: Vec<Seen>,
 }
 
@@ -51,8 +51,7 @@ pub struct LivePose {
     pub heading_sigma_rad: f64,
 }
 
-/// Follows the logs until `stop`, and shows what they give in `view`. What fails here is shown, and disturbs nothing
-/// else.
+/// Follows the logs until `stop` and keeps `view` up to date. Errors are shown in `view` and do not stop the recording.
 pub(super) fn follow(
     field: &Field,
     folder: &Path,
@@ -84,23 +83,20 @@ pub(super) fn follow(
         }
         std::thread::sleep(LOOK);
     }
-    let _ = std::fs::remove_dir_all(&live.scratch);
 }
 
 /// The logs and the smoothers.
 struct Live {
     project: Project,
     settings: TrajectorySettings,
-    /// Folder for what is read.
-    scratch: PathBuf,
     imu: Tail,
     heading: Option<Tail>,
     positions: Vec<Tail>,
-    /// The one whose poses are shown, and the one that follows it, with the times at which they began.
+    /// The smoother whose poses are shown, then the one that will replace it, each with the time at which it began.
     smoothers: Vec<(Online, f64)>,
     pose: Option<LivePose>,
     coverage: Coverage,
-    /// Why the smoothers lost their way; `None` once there is a pose again.
+    /// The error of the last smoothers; `None` once there is a pose again.
     failure: Option<String>,
 }
 
@@ -113,38 +109,22 @@ impl Live {
                 "name the sources of [project.imu] and [project.prism] or [project.gnss]",
             ));
         };
-        let name = format!("boresight-live-{}-{}", std::process::id(), folder.display());
-        let name = name.replace(['/', '\\', ':'], "-");
-        let scratch = std::env::temp_dir().join(name);
-        std::fs::create_dir_all(&scratch).map_err(|error| Error::io(&scratch, error))?;
-        let tail = |path: &Path, name: &str| Tail::new(path, &scratch.join(name));
-        let mut settings = logs.settings.clone();
+        let mut settings = Feed::new(&project, logs).settings();
         settings.estimate.clear();
-        for position in &mut settings.positions {
-            if let Some(station) = &mut position.station_m {
-                *station -= project.origin_m;
-            }
-        }
         Ok(Self {
-            imu: tail(&logs.imu.path, "imu"),
-            heading: logs.heading.as_ref().map(|log| tail(&log.path, "heading")),
-            positions: logs
-                .positions
-                .iter()
-                .enumerate()
-                .map(|(i, log)| tail(&log.path, &format!("position-{i}")))
-                .collect(),
+            imu: Tail::new(&logs.imu.path),
+            heading: logs.heading.as_ref().map(|log| Tail::new(&log.path)),
+            positions: logs.positions.iter().map(|p| Tail::new(&p.path)).collect(),
             coverage: Coverage::new(&field.boards, &project),
             settings,
             smoothers: Vec::new(),
             pose: None,
             failure: None,
-            scratch,
             project,
         })
     }
 
-    /// The smoothers lost their way.
+    /// Discards the smoothers after an error.
     fn begin_again(&mut self, error: &Error) {
         self.smoothers.clear();
         self.pose = None;
@@ -167,59 +147,15 @@ impl Live {
         Some(why.unwrap_or("waits for the IMU and positions").to_owned())
     }
 
-    /// Reads what is new and takes it in.
+    /// Reads the new records and updates the pose.
     fn look(&mut self, common_s: f64) -> Result<()> {
-        let Motion::Logs(logs) = &self.project.motion else {
-            return Ok(());
-        };
-        let logs: Logs = (**logs).clone();
-        let mut imu = self
-            .imu
-            .next(common_s, format::read_imu, |s: &mut ImuSample| {
-                &mut s.time_s
-            })?;
-        for sample in &mut imu {
-            sample.time_s += logs.imu.time_offset_s;
-        }
-        let mut headings: Vec<HeadingFix> = Vec::new();
-        if let (Some(tail), Some(log)) = (&mut self.heading, &logs.heading) {
-            headings = tail.next(common_s, format::read_heading, |h: &mut HeadingFix| {
-                &mut h.time_s
-            })?;
-            for fix in &mut headings {
-                fix.time_s += log.time_offset_s;
-            }
-        }
-        let mut fixes: Vec<(usize, PositionFix)> = Vec::new();
-        for (sensor, (tail, log)) in self.positions.iter_mut().zip(&logs.positions).enumerate() {
-            let crs = self.project.crs.as_ref();
-            // New rows may all lack a range, which is no error of a part of a table.
-            let is_table = log.path.extension().is_some_and(|end| end == "csv");
-            let read = |path: &Path| {
-                let read = if is_table {
-                    format::read_new_positions(path, &log.observations)
-                } else {
-                    format::read_projected_positions(path, &log.observations, crs)
-                };
-                read.map(|found| found.fixes)
-            };
-            let new = tail.next(common_s, read, |f: &mut PositionFix| &mut f.time_s)?;
-            fixes.extend(new.into_iter().map(|mut fix| {
-                fix.time_s += log.time_offset_s;
-                fix.position_m -= self.project.origin_m;
-                (sensor, fix)
-            }));
-        }
+        let new = self.new_records(common_s)?;
         self.renew(common_s)?;
         let mut newest: Option<Update> = None;
         for (i, (smoother, _)) in self.smoothers.iter_mut().enumerate() {
             let mut updates = Vec::new();
-            headings.iter().try_for_each(|fix| smoother.heading(*fix))?;
-            for (sensor, fix) in &fixes {
-                updates.extend(smoother.position(*sensor, *fix)?);
-            }
-            for sample in &imu {
-                updates.extend(smoother.imu(*sample)?);
+            for record in &new {
+                updates.extend(smoother.take(*record)?);
             }
             if i > 0 {
                 continue;
@@ -246,7 +182,34 @@ impl Live {
         Ok(())
     }
 
-    /// Begins the next smoother, and ends the present one, where it is time.
+    /// The records that have arrived, in time order.
+    fn new_records(&mut self, common_s: f64) -> Result<Vec<Record>> {
+        let Motion::Logs(logs) = &self.project.motion else {
+            return Ok(Vec::new());
+        };
+        let feed = Feed::new(&self.project, logs);
+        let samples = self.imu.next(common_s, |rows, clock| {
+            feed.imu(rows, |samples| clock.put_on_common_time(samples))
+        })?;
+        let mut new: Vec<Record> = samples.into_iter().map(Record::Imu).collect();
+        if let Some(tail) = &mut self.heading {
+            let fixes = tail.next(common_s, |rows, clock| {
+                feed.heading(rows, |fixes| clock.put_on_common_time(fixes))
+            })?;
+            new.extend(fixes.into_iter().map(Record::Heading));
+        }
+        for (sensor, tail) in self.positions.iter_mut().enumerate() {
+            let fixes = tail.next(common_s, |rows, clock| {
+                let read = feed.positions(sensor, rows, |fixes| clock.put_on_common_time(fixes));
+                read.map(|positions| positions.fixes)
+            })?;
+            new.extend(fixes.into_iter().map(|fix| Record::Position(sensor, fix)));
+        }
+        Record::sort(&mut new);
+        Ok(new)
+    }
+
+    /// Begins the next smoother and ends the present one when their time has come.
     fn renew(&mut self, now_s: f64) -> Result<()> {
         let is_due = match self.smoothers.as_slice() {
             [] => true,

@@ -11,15 +11,16 @@ use super::journal::StampedJournal;
 use super::place::Place;
 use super::thread::SourceThread;
 use crate::error::{Error, Result};
+use crate::format::WholeLines;
 
-/// Longest time without looking whether the recording ends.
+/// Longest interval between checks whether the recording has ended.
 const PATIENCE: Duration = Duration::from_millis(200);
 
-/// Records what a sensor sends until told to stop: bytes as they are, with the times of their arrival beside them;
-/// whole lines below the header of their table.
+/// Records what a sensor sends until the recording ends: bytes as they arrive, with their arrival times in a file beside
+/// them; of a table only whole lines, below its header.
 ///
 /// # Errors
-/// A file cannot be written. A link that ends is opened again.
+/// A file cannot be written. A lost link is no error: it is opened again.
 pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     let (folder, source) = (thread.folder, thread.source);
     let mut journal =
@@ -30,12 +31,12 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         let time = if is_timed_here { "time_s," } else { "" };
         journal.append(format!("{time}{header}\n").as_bytes(), thread.clock.now())?;
     }
-    let mut lines = Lines::default();
+    let mut lines = WholeLines::default();
     let mut said = String::new();
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
-        // A link may stay away for long; what arrived before must not wait for it.
+        // The link may be lost for long; bytes that arrived before are written meanwhile.
         journal.write_if_due()?;
         let mut wire = match source.place.open() {
             Ok(wire) => wire,
@@ -52,8 +53,9 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         thread.status.opened();
         thread.event("connected")?;
         counter.reopened();
-        let is_serial = matches!(source.place, Place::Serial(..));
-        thread.status.damaged(lines.opened(is_serial));
+        // A serial line may be opened in the middle of a row.
+        let is_cut = matches!(source.place, Place::Serial(..));
+        thread.status.damaged(lines.interrupt(is_cut));
         while thread.goes_on() {
             match wire.read(&mut buffer) {
                 Ok(0) => {
@@ -64,9 +66,14 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
                     let at = thread.clock.now();
                     let (records, mut damaged) = counter.take(&buffer[..count]);
                     if is_table {
-                        let time_s = is_timed_here.then(|| thread.clock.common_s(&at));
-                        let (rows, cut_off) = lines.take(&buffer[..count], time_s);
+                        let (mut rows, cut_off) = lines.take(&buffer[..count]);
                         damaged += cut_off;
+                        if lines.begun().len() >= LONGEST_LINE {
+                            rows.extend(lines.end_line());
+                        }
+                        if is_timed_here {
+                            rows = stamped(&rows, thread.clock.common_s(&at));
+                        }
                         if !rows.is_empty() {
                             journal.append(&rows, at)?;
                         }
@@ -96,53 +103,18 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     journal.flush()
 }
 
-/// Puts together the lines of a table from the pieces that arrive. Lines of which a part is missing are dropped, as
-/// half a number is a wrong number.
-#[derive(Default)]
-struct Lines {
-    /// The beginning of a line that has not ended yet.
-    begun: Vec<u8>,
-    /// Whether the beginning of the current line is missing.
-    is_cut: bool,
-}
-
-impl Lines {
-    /// The link was opened, perhaps in the middle of a line (`is_cut`). Drops what had begun before; returns how many
-    /// bytes that was.
-    fn opened(&mut self, is_cut: bool) -> u64 {
-        self.is_cut = is_cut;
-        let begun = std::mem::take(&mut self.begun);
-        begun.len() as u64
-    }
-
-    /// Returns the lines that these bytes complete, and how many bytes were dropped because the beginning of their line is
-    /// missing. With a time, each line gets it as its first cell; without one, lines stay as they arrived.
-    fn take(&mut self, bytes: &[u8], time_s: Option<f64>) -> (Vec<u8>, u64) {
-        let (mut rows, mut cut_off) = (Vec::new(), 0);
-        for part in bytes.split_inclusive(|byte| *byte == b'\n') {
-            if self.is_cut {
-                self.is_cut = !part.ends_with(b"\n");
-                cut_off += part.len() as u64;
-                continue;
-            }
-            self.begun.extend_from_slice(part);
-            if !self.begun.ends_with(b"\n") && self.begun.len() < LONGEST_LINE {
-                continue;
-            }
-            let line = self.begun.trim_ascii_end();
-            match time_s {
-                Some(_) if line.is_empty() => {}
-                Some(time_s) => {
-                    rows.extend_from_slice(format!("{time_s:.6},").as_bytes());
-                    rows.extend_from_slice(line);
-                    rows.push(b'\n');
-                }
-                None => rows.extend_from_slice(&self.begun),
-            }
-            self.begun.clear();
+/// Puts the time before each of these lines as its first cell; empty lines are left out.
+fn stamped(lines: &[u8], time_s: f64) -> Vec<u8> {
+    let mut rows = Vec::with_capacity(lines.len());
+    for line in lines.split_inclusive(|byte| *byte == b'\n') {
+        let line = line.trim_ascii_end();
+        if !line.is_empty() {
+            rows.extend_from_slice(format!("{time_s:.6},").as_bytes());
+            rows.extend_from_slice(line);
+            rows.push(b'\n');
         }
-        (rows, cut_off)
     }
+    rows
 }
 
 #[cfg(test)]
@@ -150,20 +122,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_line_of_a_link_that_opens_in_the_middle_of_one_is_left_out() {
-        let mut lines = Lines::default();
-        assert_eq!(lines.opened(true), 0);
-        assert_eq!(lines.take(b"3", None), (Vec::new(), 1));
-        assert_eq!(
-            lines.take(b".4\r\n5.6\r\n7", None),
-            (b"5.6\r\n".to_vec(), 4)
-        );
-        assert_eq!(
-            lines.take(b"\r\n\n", Some(1.5)),
-            (b"1.500000,7\n".to_vec(), 0)
-        );
-        assert_eq!(lines.take(b"8", Some(1.5)), (Vec::new(), 0));
-        assert_eq!(lines.opened(false), 1);
-        assert_eq!(lines.take(b"9\n", None), (b"9\n".to_vec(), 0));
+    fn every_line_gets_its_time() {
+        assert_eq!(stamped(b"7\r\n\n8", 1.5), b"1.500000,7\n1.500000,8\n");
+        assert_eq!(stamped(b"", 1.5), b"");
     }
 }

@@ -5,11 +5,14 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
+use crate::format::{GrowingTable, Input};
 use crate::sensor::Timed;
 
-/// Bytes that are looked at: of binary logs some seconds before the new ones, as their times rest on them.
+/// Most bytes of a log that are read at a time. Of binary logs they include some seconds before the new bytes, on which
+/// the times of the new records rest.
 const WINDOW: usize = 1 << 18;
-/// Own times are put on the common time by the earliest arrival of so many seconds, if they are not that time.
+/// Seconds during which the offset of a sensor's clock is learnt, if its own times are not the common time: it is that
+/// of the earliest arrival.
 const LEARNING_S: f64 = 4.0;
 /// Own times this near to the common time are that time, seconds.
 const SAME_CLOCK_S: f64 = 0.25;
@@ -18,39 +21,29 @@ const SAME_CLOCK_S: f64 = 0.25;
 const BACK_S: f64 = 1.0;
 const AHEAD_S: f64 = 3600.0;
 
-/// A log that grows, and what was read of it.
+/// A log that grows, and the clock of its sensor.
 pub(super) struct Tail {
-    path: PathBuf,
-    /// What the reader is given; its name is not that of a recorded log.
-    scratch: PathBuf,
-    is_table: bool,
-    header: Vec<u8>,
-    window: Vec<u8>,
-    read: u64,
-    /// Whether the window begins in the middle of a row, because bytes were passed over.
-    begins_cut: bool,
-    newest_own_s: f64,
-    /// When it began to learn, and the least difference of common and own time since then, seconds.
-    learning: Option<(f64, f64)>,
-    offset_s: Option<f64>,
+    log: Log,
+    clock: LearntClock,
     /// Why the newest bytes held no record.
     trouble: Option<String>,
 }
 
+enum Log {
+    Table(GrowingTable),
+    Binary(Window),
+}
+
 impl Tail {
-    pub(super) fn new(path: &Path, scratch: &Path) -> Self {
-        let extension = path.extension().unwrap_or_default();
+    pub(super) fn new(path: &Path) -> Self {
+        let is_table = path.extension().is_some_and(|extension| extension == "csv");
         Self {
-            path: path.to_owned(),
-            scratch: scratch.with_extension(extension),
-            is_table: extension == "csv",
-            header: Vec::new(),
-            window: Vec::new(),
-            read: 0,
-            begins_cut: false,
-            newest_own_s: f64::NEG_INFINITY,
-            learning: None,
-            offset_s: None,
+            log: if is_table {
+                Log::Table(GrowingTable::new(path, WINDOW as u64))
+            } else {
+                Log::Binary(Window::new(path))
+            },
+            clock: LearntClock::default(),
             trouble: None,
         }
     }
@@ -60,128 +53,154 @@ impl Tail {
         self.trouble.as_deref()
     }
 
-    /// The records that arrived since the last time, with their common times; none while the offset of their clock
-    /// is learnt.
+    /// The records that arrived since the last time; none while the offset of their clock is learnt. `read` reads
+    /// an excerpt of the log, and puts own times on the common time with the clock.
     ///
     /// # Errors
     /// The log cannot be read, or what arrived is not what is expected.
-    pub(super) fn next<T: Timed>(
+    pub(super) fn next<T>(
         &mut self,
         common_s: f64,
-        read: impl FnOnce(&Path) -> Result<Vec<T>>,
-        time_s: impl Fn(&mut T) -> &mut f64,
+        read: impl FnOnce(&Input, At<'_>) -> Result<Vec<T>>,
     ) -> Result<Vec<T>> {
-        if !self.advance()? {
+        let excerpt = match &mut self.log {
+            Log::Table(table) => table.next()?,
+            Log::Binary(window) => window.next()?,
+        };
+        let Some(excerpt) = excerpt else {
             return Ok(Vec::new());
-        }
-        let mut records = match read(&self.scratch).map_err(|error| self.of_log(error)) {
-            Ok(records) => records,
-            // No such records yet, or none ever. After an outage the window of a binary log holds none either.
-            Err(error @ Error::Format { .. })
-                if !self.is_table || self.newest_own_s == f64::NEG_INFINITY =>
-            {
-                self.trouble = Some(error.to_string());
-                return Ok(Vec::new());
-            }
-            Err(error) => return Err(error),
+        };
+        let has_records = self.clock.newest_own_s.is_finite();
+        let at = At {
+            clock: &mut self.clock,
+            common_s,
+        };
+        let (result, is_table) = match &self.log {
+            Log::Table(table) => (read(&excerpt, at).map_err(|e| table.locate(e)), true),
+            Log::Binary(_) => (read(&excerpt, at).map_err(without_place), false),
         };
         self.trouble = None;
-        let newest_s = self.newest_own_s;
-        // Binary logs: those of the window before the new ones are known. A clock that leaps begins anew.
+        match result {
+            // No such records yet, or none ever. After an outage the window of a binary log holds none either.
+            Err(error @ Error::Format { .. }) if !is_table || !has_records => {
+                self.trouble = Some(error.to_string());
+                Ok(Vec::new())
+            }
+            result => result,
+        }
+    }
+}
+
+/// Bytes in an error of a window count from the beginning of the window, not of the log.
+fn without_place(error: Error) -> Error {
+    match error {
+        Error::Format {
+            path,
+            found,
+            expected,
+            ..
+        } => Error::format(path, Location::Whole, found, expected),
+        other => other,
+    }
+}
+
+/// The newest bytes of a binary log.
+struct Window {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    read: u64,
+}
+
+impl Window {
+    fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            bytes: Vec::new(),
+            read: 0,
+        }
+    }
+
+    /// The window, if bytes have arrived since the last time.
+    fn next(&mut self) -> Result<Option<Input>> {
+        let failed = |error| Error::io(&self.path, error);
+        let mut file = File::open(&self.path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        if length == self.read {
+            return Ok(None);
+        }
+        let from = self.read.max(length.saturating_sub(WINDOW as u64));
+        if from > self.read {
+            self.bytes.clear();
+        }
+        file.seek(SeekFrom::Start(from)).map_err(failed)?;
+        let before = self.bytes.len();
+        file.take(length.saturating_sub(from))
+            .read_to_end(&mut self.bytes)
+            .map_err(failed)?;
+        self.read = from + (self.bytes.len() - before) as u64;
+        let old = self.bytes.len().saturating_sub(WINDOW);
+        self.bytes.drain(..old);
+        let excerpt = Input::excerpt(&self.path, self.bytes.clone());
+        Ok((!self.bytes.is_empty()).then_some(excerpt))
+    }
+}
+
+/// The clock of a sensor, whose offset to the common time is learnt from the arrival of its records.
+struct LearntClock {
+    newest_own_s: f64,
+    /// When it began to learn, and the least difference of common and own time since then, seconds.
+    learning: Option<(f64, f64)>,
+    offset_s: Option<f64>,
+}
+
+impl Default for LearntClock {
+    fn default() -> Self {
+        Self {
+            newest_own_s: f64::NEG_INFINITY,
+            learning: None,
+            offset_s: None,
+        }
+    }
+}
+
+/// The clock of a sensor at the time of a look at its log.
+pub(super) struct At<'a> {
+    clock: &'a mut LearntClock,
+    common_s: f64,
+}
+
+impl At<'_> {
+    /// Drops the records that are known, and puts the others on the common time; drops them, too, while the offset is
+    /// learnt.
+    pub(super) fn put_on_common_time<T: Timed>(self, records: &mut Vec<T>) {
+        let Self { clock, common_s } = self;
+        let newest_s = clock.newest_own_s;
+        // A binary log's window begins with known records. A clock that leaps begins anew.
         let last_s = records.last().map_or(newest_s, T::time_s);
         if (-BACK_S..AHEAD_S).contains(&(last_s - newest_s)) {
             records.retain(|record| record.time_s() > newest_s);
         } else {
-            (self.learning, self.offset_s) = (None, None);
+            (clock.learning, clock.offset_s) = (None, None);
         }
-        self.newest_own_s = last_s;
+        clock.newest_own_s = last_s;
         if records.is_empty() {
-            return Ok(records);
+            return;
         }
-        let Some(offset_s) = self.offset_s else {
+        let Some(offset_s) = clock.offset_s else {
             let late_s = common_s - last_s;
-            let (since_s, least_s) = self.learning.unwrap_or((common_s, f64::INFINITY));
+            let (since_s, least_s) = clock.learning.unwrap_or((common_s, f64::INFINITY));
             let least_s = least_s.min(late_s);
-            self.learning = Some((since_s, least_s));
+            clock.learning = Some((since_s, least_s));
             if common_s - since_s > LEARNING_S {
                 let is_common = least_s.abs() < SAME_CLOCK_S;
-                self.offset_s = Some(if is_common { 0.0 } else { least_s });
+                clock.offset_s = Some(if is_common { 0.0 } else { least_s });
             }
-            return Ok(Vec::new());
+            records.clear();
+            return;
         };
-        for record in &mut records {
-            *time_s(record) += offset_s;
+        for record in records {
+            *record.time_s_mut() += offset_s;
         }
-        Ok(records)
-    }
-
-    /// Turns an error in the part that was read into one of the log. Lines and bytes are left out, as they count from
-    /// the beginning of that part.
-    fn of_log(&self, error: Error) -> Error {
-        match error {
-            Error::Format {
-                found, expected, ..
-            } => Error::format(&self.path, Location::Whole, found, expected),
-            other => other.renamed(&self.scratch, &self.path),
-        }
-    }
-
-    /// Writes what is to be read now; false where nothing arrived.
-    fn advance(&mut self) -> Result<bool> {
-        let failed = |error| Error::io(&self.path, error);
-        let mut file = File::open(&self.path).map_err(failed)?;
-        let length = file.metadata().map_err(failed)?.len();
-        // Never more than the window, however much arrived.
-        let from = self.read.max(length.saturating_sub(WINDOW as u64));
-        if length == self.read {
-            return Ok(false);
-        }
-        if self.is_table && self.header.is_empty() {
-            let mut start = vec![0; 4096.min(length as usize)];
-            file.read_exact(&mut start).map_err(failed)?;
-            let Some(end) = start.iter().position(|byte| *byte == b'\n') else {
-                return Ok(false);
-            };
-            start.truncate(end + 1);
-            self.header = start;
-        }
-        let from = from.max(self.header.len() as u64);
-        if from > self.read.max(self.header.len() as u64) {
-            self.window.clear();
-            self.begins_cut = true;
-        }
-        file.seek(SeekFrom::Start(from)).map_err(failed)?;
-        let before = self.window.len();
-        file.take(length.saturating_sub(from))
-            .read_to_end(&mut self.window)
-            .map_err(failed)?;
-        self.read = from + (self.window.len() - before) as u64;
-        let text = if self.is_table {
-            let Some(end) = self.window.iter().rposition(|byte| *byte == b'\n') else {
-                if self.window.len() > WINDOW {
-                    self.window.clear();
-                    self.begins_cut = true;
-                }
-                return Ok(false);
-            };
-            let rest = self.window.split_off(end + 1);
-            let rows = std::mem::replace(&mut self.window, rest);
-            let mut begin = 0;
-            if std::mem::take(&mut self.begins_cut) {
-                let first = rows.iter().position(|byte| *byte == b'\n');
-                begin = first.map_or(0, |at| at + 1);
-            }
-            [self.header.as_slice(), &rows[begin..]].concat()
-        } else {
-            let old = self.window.len().saturating_sub(WINDOW);
-            self.window.drain(..old);
-            self.window.clone()
-        };
-        if text.len() <= self.header.len() {
-            return Ok(false);
-        }
-        std::fs::write(&self.scratch, text).map_err(|error| Error::io(&self.scratch, error))?;
-        Ok(true)
     }
 }
 

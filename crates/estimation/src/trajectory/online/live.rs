@@ -14,7 +14,7 @@ use super::start::{Start, UNIT_KNOWN_AFTER, start};
 use super::update::{Jump, Update};
 use crate::error::{Error, Problem, Result};
 use crate::progress::Progress;
-use crate::sensor::{HeadingFix, ImuSample, PositionFix};
+use crate::sensor::{self, HeadingFix, ImuSample, PositionFix};
 use crate::trajectory::estimate::{Estimate, estimate};
 use crate::trajectory::gaps::{MAX_IMU_GAP_S, check_interval, median_interval_s};
 use crate::trajectory::imu_series::SAME_INSTANT_S;
@@ -99,6 +99,18 @@ impl Online {
             },
             waits_for: None,
         })
+    }
+
+    /// Takes a record of any sensor; returns the updates of the fixes that the IMU has reached.
+    ///
+    /// # Errors
+    /// Those of [`imu`](Self::imu), [`position`](Self::position) and [`heading`](Self::heading).
+    pub fn take(&mut self, record: sensor::Record) -> Result<Vec<Update>> {
+        match record {
+            sensor::Record::Imu(sample) => self.imu(sample),
+            sensor::Record::Position(sensor, fix) => self.position(sensor, fix),
+            sensor::Record::Heading(fix) => self.heading(fix).map(|()| Vec::new()),
+        }
     }
 
     /// Takes an IMU sample; returns the updates of the fixes that it has reached.

@@ -1,10 +1,9 @@
 //! Core points of a comparison, optionally with normals.
 
-use std::path::Path;
-
 use crate::error::Result;
 use crate::format::cloud::table::CLOUD_TABLE;
 use crate::format::detect::detect;
+use crate::format::input::Input;
 use crate::format::log::tables::read_rows;
 use crate::format::read::read_cloud;
 use crate::format::text::lines::header_names;
@@ -32,20 +31,21 @@ pub struct CorePoints {
 ///
 /// # Errors
 /// Those of [`read_cloud`]; a table with one or two of the three columns.
-pub fn read_core_points(path: &Path) -> Result<CorePoints> {
-    let is_table = detect(path).is_ok_and(|format| format.id() == CLOUD_TABLE.id);
+pub fn read_core_points(input: impl Into<Input>) -> Result<CorePoints> {
+    let input = &input.into();
+    let is_table = detect(input).is_ok_and(|format| format.id() == CLOUD_TABLE.id);
     let components = &WITH_NORMALS.needed[3..];
     let has_normals = is_table
-        && header_names(path)?
+        && header_names(input)?
             .iter()
             .any(|name| components.contains(&name.as_str()));
     if !has_normals {
         return Ok(CorePoints {
-            points: read_cloud(path)?.points,
+            points: read_cloud(input)?.points,
             normals: Vec::new(),
         });
     }
-    let rows = read_rows::<6, _>(path, &WITH_NORMALS, "point", |row, _| {
+    let rows = read_rows::<6, _>(input, &WITH_NORMALS, "point", |row, _| {
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         Ok((vector(0), vector(3)))
     })?;

@@ -7,7 +7,8 @@ use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::binary::Number;
 use crate::format::cloud::crs;
-use crate::format::file::{first_bytes, guarded, open};
+use crate::format::file::guarded;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
@@ -30,13 +31,13 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
 }
 
 /// The `coordinateMetadata` of a file, which holds WKT.
-fn wkt(path: &Path) -> Result<Option<String>> {
-    let (mut file, size) = open(path)?;
-    let head = first_bytes(path, &mut file)?;
-    check_header(path, &head, size)?;
-    guarded(path, "E57", || {
-        let reader =
-            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+fn wkt(input: &Input) -> Result<Option<String>> {
+    let (file, size) = input.open()?;
+    let head = input.start()?;
+    check_header(input.path(), &head, size)?;
+    guarded(input.path(), "E57", || {
+        let reader = e57::E57Reader::new(BufReader::new(file))
+            .map_err(|e| problem(input.path(), chain(&e)))?;
         let text = reader
             .coordinate_metadata()
             .map(|text| text.trim().to_owned());
@@ -45,13 +46,13 @@ fn wkt(path: &Path) -> Result<Option<String>> {
 }
 
 /// Units and frame of a file: metres, and the coordinate reference system that the file names, if any.
-fn describe_frame(path: &Path) -> Result<String> {
-    let (mut file, size) = open(path)?;
-    let head = first_bytes(path, &mut file)?;
-    check_header(path, &head, size)?;
-    let system = guarded(path, "E57", || {
-        let reader =
-            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+fn describe_frame(input: &Input) -> Result<String> {
+    let (file, size) = input.open()?;
+    let head = input.start()?;
+    check_header(input.path(), &head, size)?;
+    let system = guarded(input.path(), "E57", || {
+        let reader = e57::E57Reader::new(BufReader::new(file))
+            .map_err(|e| problem(input.path(), chain(&e)))?;
         Ok(reader.coordinate_metadata().and_then(crs::describe))
     })?;
     let system = system.map_or_else(
@@ -64,31 +65,31 @@ fn describe_frame(path: &Path) -> Result<String> {
 }
 
 /// Calls `take` with every measured point and its intensity (0 if a scan has none).
-pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
-    let (mut file, size) = open(path)?;
-    let head = first_bytes(path, &mut file)?;
-    check_header(path, &head, size)?;
-    guarded(path, "E57", || {
-        let mut reader =
-            e57::E57Reader::new(BufReader::new(file)).map_err(|e| problem(path, chain(&e)))?;
+pub(crate) fn for_each(input: &Input, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
+    let (file, size) = input.open()?;
+    let head = input.start()?;
+    check_header(input.path(), &head, size)?;
+    guarded(input.path(), "E57", || {
+        let mut reader = e57::E57Reader::new(BufReader::new(file))
+            .map_err(|e| problem(input.path(), chain(&e)))?;
         for scan in reader.pointclouds() {
             // A point takes at least one bit, unless all points are the same.
             if scan.records > size.saturating_mul(8) {
                 return Err(problem(
-                    path,
+                    input.path(),
                     format!("{} points in a file of {size} bytes", scan.records),
                 ));
             }
-            let world_from_scanner = scan_pose(path, &scan)?;
+            let world_from_scanner = scan_pose(input.path(), &scan)?;
             let mut points = reader
                 .pointcloud_simple(&scan)
-                .map_err(|e| problem(path, chain(&e)))?;
+                .map_err(|e| problem(input.path(), chain(&e)))?;
             points.apply_pose(false);
             points.normalize_intensity(false);
             points.normalize_color(false);
             points.intensity_to_color(false);
             for point in points {
-                let point = point.map_err(|e| problem(path, chain(&e)))?;
+                let point = point.map_err(|e| problem(input.path(), chain(&e)))?;
                 if let e57::CartesianCoordinate::Valid { x, y, z } = point.cartesian {
                     let p = world_from_scanner.map(&Vec3::new(x, y, z));
                     if p.iter().all(|v| v.is_finite()) {
@@ -101,9 +102,9 @@ pub(crate) fn for_each(path: &Path, mut take: impl FnMut(Vec3, f32)) -> Result<(
     })
 }
 
-pub(crate) fn read(path: &Path) -> Result<PointCloud> {
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     let mut cloud = PointCloud::default();
-    for_each(path, |p, intensity| {
+    for_each(input, |p, intensity| {
         cloud.points.push(p);
         cloud.intensity.push(intensity);
     })?;

@@ -1,10 +1,9 @@
 //! NumPy `.npy`: little-endian float32 or float64 of shape (n, 3) in C order.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::Vec3;
 
@@ -18,8 +17,8 @@ pub(crate) const NPY: Kind = Kind {
     ..Kind::new("npy", "cloud (NumPy)")
 };
 
-pub(crate) fn read(path: &Path) -> Result<PointCloud> {
-    let mut bytes = Bytes::open(path)?;
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+    let mut bytes = Bytes::open(input)?;
     let mut head = [0; 8];
     bytes.take(&mut head, "the start of an .npy file")?;
     if !head.starts_with(b"\x93NUMPY") {

@@ -1,10 +1,9 @@
 //! PCD of the Point Cloud Library: text, binary, and binary compressed with LZF.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Fields, Number};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::Vec3;
 
@@ -136,8 +135,8 @@ fn number(kind: &str, size: &str) -> Option<Number> {
     })
 }
 
-pub(crate) fn read(path: &Path) -> Result<PointCloud> {
-    let mut bytes = Bytes::open(path)?;
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+    let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
     let mut fields = Fields::default();
     for (i, name) in header.names.iter().enumerate() {

@@ -1,10 +1,9 @@
 //! PLY: text, little-endian and big-endian; the points are the element `vertex`.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Fields, Number};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 
 pub(crate) const PLY: Kind = Kind {
@@ -107,8 +106,8 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
     })
 }
 
-pub(crate) fn read(path: &Path) -> Result<PointCloud> {
-    let mut bytes = Bytes::open(path)?;
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+    let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
     let mut fields = Fields::default();
     for (i, name) in header.names.iter().enumerate() {

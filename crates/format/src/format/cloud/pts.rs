@@ -1,9 +1,8 @@
 //! PTS and PTX of Leica: text with x y z intensity and optional colours; PTX has grids with a transform.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::lines::Lines;
 use crate::geometry::{Vec3, is_finite};
@@ -57,8 +56,8 @@ fn drop_partial_intensities(mut cloud: PointCloud) -> PointCloud {
 }
 
 /// Reads PTS: a count, then that many points; several such blocks may follow.
-pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
-    let mut lines = Lines::open(path)?;
+pub(crate) fn read_pts(input: &Input) -> Result<PointCloud> {
+    let mut lines = Lines::open(input)?;
     let mut cloud = PointCloud::default();
     let mut cells = Vec::new();
     while row(&mut lines, 1, &mut cells)? {
@@ -76,8 +75,8 @@ pub(crate) fn read_pts(path: &Path) -> Result<PointCloud> {
 /// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
 /// transform), the transform for row vectors, and the points; points at (0, 0, 0) were not
 /// measured.
-pub(crate) fn read_ptx(path: &Path) -> Result<PointCloud> {
-    let mut lines = Lines::open(path)?;
+pub(crate) fn read_ptx(input: &Input) -> Result<PointCloud> {
+    let mut lines = Lines::open(input)?;
     let mut cloud = PointCloud::default();
     let mut cells = Vec::new();
     while row(&mut lines, 1, &mut cells)? {

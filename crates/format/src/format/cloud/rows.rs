@@ -1,12 +1,11 @@
 //! Reader of clouds with all values that the cloud writers can write.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudClock, CloudGrid, CloudPoint, CloudShape};
 use crate::format::detect::detect;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::las::columns::{ExtraColumn, extra_columns};
 use crate::format::las::file::LasFile;
 use crate::format::las::record::unix_from_adjusted_gps_s;
@@ -33,12 +32,13 @@ impl CloudRows {
     ///
     /// # Errors
     /// Those of [`read_cloud`].
-    pub fn open(path: &Path) -> Result<Self> {
-        let wkt = crs_wkt(path)?;
-        if detect(path)?.is_las() {
-            return Self::of_las(path, wkt);
+    pub fn open(input: impl Into<Input>) -> Result<Self> {
+        let input = &input.into();
+        let wkt = crs_wkt(input)?;
+        if detect(input)?.is_las() {
+            return Self::of_las(input, wkt);
         }
-        let cloud = read_cloud(path)?;
+        let cloud = read_cloud(input)?;
         let shape = CloudShape::of(&cloud, wkt);
         Ok(Self {
             shape,
@@ -46,8 +46,8 @@ impl CloudRows {
         })
     }
 
-    fn of_las(path: &Path, wkt: Option<String>) -> Result<Self> {
-        let file = LasFile::open(path)?;
+    fn of_las(input: &Input, wkt: Option<String>) -> Result<Self> {
+        let file = LasFile::open(input)?;
         let header = file.header();
         let bounds = header.bounds();
         let length = usize::from(header.point_format().extra_bytes);
@@ -60,7 +60,7 @@ impl CloudRows {
             }
         }
         if header.number_of_points() == 0 {
-            return Err(nothing_in(path, "point"));
+            return Err(nothing_in(input.path(), "point"));
         }
         let transforms = header.transforms();
         let steps = [&transforms.x, &transforms.y, &transforms.z].map(|axis| axis.scale);

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
 use crate::format::cloud::ply;
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
+use crate::format::input::Input;
 use crate::format::las::columns::extra_columns;
 use crate::format::las::file::LasFile;
 use crate::format::{ExtraDimension, ExtraKind, copc_sink, e57_sink, ply_sink, read_cloud};
@@ -114,7 +115,7 @@ fn bounds(rows: &[Row]) -> (Vec3, Vec3) {
 }
 
 fn read_ply(path: &Path) -> Vec<Row> {
-    let mut bytes = Bytes::open(path).unwrap();
+    let mut bytes = Bytes::open(&Input::from(path)).unwrap();
     let header = ply::read_header(&mut bytes).unwrap();
     let names = [
         "x",
@@ -175,7 +176,7 @@ fn read_e57(path: &Path) -> Vec<Row> {
 }
 
 fn read_copc(path: &Path) -> Vec<Row> {
-    let mut file = LasFile::open(path).unwrap();
+    let mut file = LasFile::open(&Input::from(path)).unwrap();
     let wkt = file.header().get_wkt_crs_bytes().unwrap();
     assert_eq!(wkt, b"LOCAL_CS[\"plant\",UNIT[\"metre\",1]]\0");
     let names: Vec<String> = extra_columns(&file).into_iter().map(|c| c.0).collect();

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::TableWriter;
 use crate::format::text::lines::Lines;
@@ -33,8 +34,8 @@ pub(crate) const XYZ: Kind = Kind {
 };
 
 /// Reads a native table.
-pub(crate) fn read_table(path: &Path) -> Result<PointCloud> {
-    let mut table = Table::open(path, &CLOUD)?;
+pub(crate) fn read_table(input: &Input) -> Result<PointCloud> {
+    let mut table = Table::open(input, &CLOUD)?;
     let mut cloud = PointCloud::default();
     let mut row = [0.0; 6];
     while table.next_row(&mut row)? {
@@ -48,8 +49,8 @@ pub(crate) fn read_table(path: &Path) -> Result<PointCloud> {
 }
 
 /// Reads lines that begin with x y z and have as many numbers as the first line.
-pub(crate) fn read_xyz(path: &Path) -> Result<PointCloud> {
-    let mut lines = Lines::open(path)?;
+pub(crate) fn read_xyz(input: &Input) -> Result<PointCloud> {
+    let mut lines = Lines::open(input)?;
     let mut cloud = PointCloud::default();
     let mut cells = Vec::new();
     let mut width = 0;

@@ -9,10 +9,9 @@
 //! A table that begins with its time and has no intensity may be a log of positions, and a table with angles or a
 //! quaternion may be a log of poses: neither is accepted as a cloud.
 
-use std::path::Path;
-
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::lines::{Lines, Separator};
 use crate::geometry::Vec3;
@@ -141,8 +140,8 @@ fn comment(text: &str) -> Option<&str> {
 /// # Errors
 /// A line with another number of values than the header, coordinates that are not finite numbers, decimal commas, a
 /// repeated column, a number of points other than the file announces.
-fn read(path: &Path) -> Result<PointCloud> {
-    let mut lines = Lines::open(path)?;
+fn read(input: &Input) -> Result<PointCloud> {
+    let mut lines = Lines::open(input)?;
     let mut header: Option<Header> = None;
     let mut announced: Option<u64> = None;
     let mut cloud = PointCloud::default();
@@ -203,7 +202,7 @@ fn read(path: &Path) -> Result<PointCloud> {
     let count = cloud.points.len() as u64;
     match announced {
         Some(n) if n != count => Err(Error::format(
-            path,
+            input.path(),
             Location::Whole,
             format!("{count} points"),
             format!("{n}, the number in the file"),
@@ -214,6 +213,8 @@ fn read(path: &Path) -> Result<PointCloud> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::format::{detect, read_cloud};
 
@@ -373,7 +374,7 @@ mod tests {
         let path = folder.path().join("a.txt");
         let valid = b"//X Y Z Intensity GpsTime\n2\n1 2 3 4 5.5\n-4 5e3 6 7 8.25\n";
         crate::format::mutation::for_each_damaged(&path, valid, 500, || {
-            let _ = read(&path);
+            let _ = read(&Input::from(&path));
             let _ = read_cloud(&path);
         });
     }

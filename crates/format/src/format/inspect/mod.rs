@@ -4,13 +4,12 @@ mod gather;
 mod inspection;
 mod picture;
 
-use std::path::Path;
-
 use super::detect::detect;
 use super::kind::{Frame, Kind};
 use super::read::{open_profiles, read_cloud, read_trajectory};
 use crate::error::{Error, Result};
-use crate::format::file::{CHUNK_POINTS, nothing_in, open};
+use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::las::columns::{PoseColumns, extra_names};
 use crate::format::las::file::LasFile;
 use crate::format::log::tables::IMU;
@@ -29,11 +28,12 @@ const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 ///
 /// # Errors
 /// All errors of the file's reader; a project file, which is not data.
-pub fn inspect(path: &Path) -> Result<Inspection> {
-    let format = detect(path)?;
-    let (_, bytes) = open(path)?;
+pub fn inspect(input: impl Into<Input>) -> Result<Inspection> {
+    let input = &input.into();
+    let format = detect(input)?;
+    let (_, bytes) = input.open()?;
     let mut report = Inspection {
-        path: path.to_owned(),
+        path: input.path().to_owned(),
         format,
         frame: String::new(),
         bytes,
@@ -53,30 +53,30 @@ pub fn inspect(path: &Path) -> Result<Inspection> {
         report.notes.push(kind.note.to_owned());
     }
     match (kind.id, &kind.columns) {
-        (_, Some(columns)) => inspect_table(path, columns, &mut report)?,
-        ("las" | "laz", _) => inspect_las(path, &mut report)?,
-        ("sbet", _) => inspect_sbet(path, &mut report)?,
-        ("bonn-mounting", _) => inspect_mounting(path, &mut report)?,
+        (_, Some(columns)) => inspect_table(input, columns, &mut report)?,
+        ("las" | "laz", _) => inspect_las(input, &mut report)?,
+        ("sbet", _) => inspect_sbet(input, &mut report)?,
+        ("bonn-mounting", _) => inspect_mounting(input, &mut report)?,
         ("project", _) => {
             return Err(Error::data(
-                format!("{} is a project, not data", path.display()),
+                format!("{} is a project, not data", input.path().display()),
                 "inspect the files that it names, or inspect it as a project",
             ));
         }
-        _ if kind.contents.is_some() => inspect_log(path, kind, &mut report)?,
-        _ if kind.profiles.is_some() => inspect_profiles(path, &mut report)?,
-        _ if kind.poses.is_some() => inspect_poses(path, &mut report)?,
-        _ if kind.cloud.is_some() => inspect_cloud(path, &mut report)?,
-        _ => inspect_log(path, kind, &mut report)?,
+        _ if kind.contents.is_some() => inspect_log(input, kind, &mut report)?,
+        _ if kind.profiles.is_some() => inspect_profiles(input, &mut report)?,
+        _ if kind.poses.is_some() => inspect_poses(input, &mut report)?,
+        _ if kind.cloud.is_some() => inspect_cloud(input, &mut report)?,
+        _ => inspect_log(input, kind, &mut report)?,
     }
     report.frame = match kind.frame {
         Frame::Fixed(text) => text.to_owned(),
-        Frame::OfFile(tell) => tell(path)?,
+        Frame::OfFile(tell) => tell(input)?,
     };
     Ok(report)
 }
 
-fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Result<()> {
+fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> Result<()> {
     let wanted: Vec<&str> = columns
         .needed
         .iter()
@@ -87,7 +87,7 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     let time = find(["time_s", "sec_of_day"]);
     let range = find(["slope_distance_m", "slope_dist_m"]);
     let mut without_range = 0;
-    let mut table = Table::open(path, columns)?;
+    let mut table = Table::open(input, columns)?;
     let mut summary = StreamSummary::of_columns(&wanted);
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
@@ -97,7 +97,7 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
         summary.add(time.map_or(f64::NAN, |i| row[i]), values.iter().copied());
     }
     if summary.count == 0 {
-        return Err(nothing_in(path, "row"));
+        return Err(nothing_in(input.path(), "row"));
     }
     if without_range > 0 {
         report.notes.push(format!(
@@ -123,8 +123,8 @@ fn inspect_table(path: &Path, columns: &Columns, report: &mut Inspection) -> Res
     Ok(())
 }
 
-fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut reader = open_profiles(path)?;
+fn inspect_profiles(input: &Input, report: &mut Inspection) -> Result<()> {
+    let mut reader = open_profiles(input)?;
     let mut chunk = Vec::new();
     let mut summary = StreamSummary::of_columns(&POINT);
     while reader.next_chunk(&mut chunk)? {
@@ -137,9 +137,9 @@ fn inspect_profiles(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
-fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
+fn inspect_poses(input: &Input, report: &mut Inspection) -> Result<()> {
     let mut summary = StreamSummary::of_columns(&POINT[..3]);
-    for pose in read_trajectory(path)? {
+    for pose in read_trajectory(input)? {
         let position = pose.world_from_body.translation_m;
         summary.add(pose.time_s, position.iter().copied());
     }
@@ -149,9 +149,9 @@ fn inspect_poses(path: &Path, report: &mut Inspection) -> Result<()> {
 
 /// Summarises a log that may hold several kinds of measurements: the first kind that can be read, in the order
 /// IMU, headings, geographic positions, positions, and a note of the other contents.
-fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> {
+fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()> {
     if let Some(contents) = kind.contents {
-        report.notes.push(contents(path)?);
+        report.notes.push(contents(input)?);
     }
     let mut first_error = None;
     for inspect in [
@@ -160,7 +160,7 @@ fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> 
         inspect_geographic,
         inspect_positions,
     ] {
-        match inspect(path, kind) {
+        match inspect(input, kind) {
             Some(Ok(summary)) => {
                 summary.report(report);
                 return Ok(());
@@ -175,10 +175,10 @@ fn inspect_log(path: &Path, kind: &Kind, report: &mut Inspection) -> Result<()> 
     }
 }
 
-fn inspect_imu(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
+fn inspect_imu(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.imu.map(|read| {
         let mut summary = StreamSummary::of_columns(&IMU.needed[1..]);
-        for sample in read(path)? {
+        for sample in read(input)? {
             let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
             summary.add(sample.time_s, gyro.iter().chain(accel.iter()).copied());
         }
@@ -186,10 +186,10 @@ fn inspect_imu(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     })
 }
 
-fn inspect_heading(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
+fn inspect_heading(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.heading.map(|read| {
         let mut summary = StreamSummary::of_columns(&["heading_deg", "pitch_deg"]);
-        for fix in read(path)? {
+        for fix in read(input)? {
             let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
             summary.add(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
         }
@@ -197,10 +197,10 @@ fn inspect_heading(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
     })
 }
 
-fn inspect_geographic(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
+fn inspect_geographic(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.geographic.map(|read| {
         let mut summary = StreamSummary::of_columns(&["latitude_deg", "longitude_deg", "height_m"]);
-        for fix in read(path)? {
+        for fix in read(input)? {
             let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
             summary.add(fix.time_s, [latitude, longitude, fix.height_m]);
         }
@@ -208,19 +208,19 @@ fn inspect_geographic(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>>
     })
 }
 
-fn inspect_positions(path: &Path, kind: &Kind) -> Option<Result<StreamSummary>> {
+fn inspect_positions(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.positions.map(|read| {
         let mut summary = StreamSummary::of_columns(&["east_m", "north_m", "up_m"]);
-        for fix in read(path, &Observations::AsFound)?.fixes {
+        for fix in read(input, &Observations::AsFound)?.fixes {
             summary.add(fix.time_s, fix.position_m.iter().copied());
         }
         Ok(summary)
     })
 }
 
-fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
+fn inspect_sbet(input: &Input, report: &mut Inspection) -> Result<()> {
     let mut summary = StreamSummary::of_columns(&sbet::COLUMNS[1..]);
-    sbet::for_each(path, |row| {
+    sbet::for_each(input, |row| {
         summary.add(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
@@ -228,8 +228,8 @@ fn inspect_sbet(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
-fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mut file = LasFile::open(path)?;
+fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
+    let mut file = LasFile::open(input)?;
     let mut summary = StreamSummary::of_columns(&POINT);
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
@@ -249,8 +249,8 @@ fn inspect_las(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
-fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
-    let cloud = read_cloud(path)?;
+fn inspect_cloud(input: &Input, report: &mut Inspection) -> Result<()> {
+    let cloud = read_cloud(input)?;
     let mut summary = StreamSummary::of_columns(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
@@ -261,8 +261,8 @@ fn inspect_cloud(path: &Path, report: &mut Inspection) -> Result<()> {
     Ok(())
 }
 
-fn inspect_mounting(path: &Path, report: &mut Inspection) -> Result<()> {
-    let mounting = read_mounting(path)?;
+fn inspect_mounting(input: &Input, report: &mut Inspection) -> Result<()> {
+    let mounting = read_mounting(input)?;
     let t = mounting.translation_m;
     let angles = euler_deg_from_rotation(EulerConvention::Bonn, &mounting.rotation);
     report.count = 1;

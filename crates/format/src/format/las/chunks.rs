@@ -4,7 +4,6 @@
 //! A chunk is its first point uncompressed, the number of its points (u32), the size of each layer (u32), and the
 //! layers. A file may end with a table of the sizes of its chunks.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -12,7 +11,8 @@ use laz::LazItemType;
 use laz::laszip::ChunkTable;
 
 use crate::error::{Error, Location, Result};
-use crate::format::file::{self, guarded};
+use crate::format::file::guarded;
+use crate::format::input::{Input, Stream};
 
 /// Largest chunk that is unpacked in parallel with others, bytes of points: COPC cells have 100,000 points of 30 to
 /// 150 bytes, those written by this program up to 200,000.
@@ -26,16 +26,16 @@ const LARGEST_BESIDE: u64 = 32 << 20;
 ///
 /// # Errors
 /// The first chunk whose sizes contradict each other, with its byte; too few points.
-pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<bool> {
+pub(crate) fn check(input: &Input, header: &las::Header, size: u64) -> Result<bool> {
     let Ok(vlr) = header.laz_vlr() else {
         return Ok(false);
     };
-    let (mut file, _) = file::open(path)?;
-    let data = data_start(path, &mut file)?;
-    let table = guarded(path, "LAZ", || {
-        let mut from = BufReader::new(&file);
+    let (mut file, _) = input.open()?;
+    let data = data_start(input.path(), &mut file)?;
+    let table = guarded(input.path(), "LAZ", || {
+        let mut from = BufReader::new(&mut file);
         from.seek(SeekFrom::Start(data))
-            .map_err(|e| Error::io(path, e))?;
+            .map_err(|e| Error::io(input.path(), e))?;
         Ok(ChunkTable::read_from(from, &vlr).ok())
     })?;
     let points = header.number_of_points();
@@ -48,7 +48,7 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<bool
     {
         let chunks = table.as_ref().len();
         return Err(Error::format(
-            path,
+            input.path(),
             Location::Byte(107),
             format!(
                 "{points} points in {chunks} chunks of {} points",
@@ -66,7 +66,7 @@ pub(crate) fn check(path: &Path, header: &las::Header, size: u64) -> Result<bool
         return Ok(false);
     };
     let mut chunks = Chunks {
-        path,
+        path: input.path(),
         file,
         // After the position of the table.
         at: data + ChunkTable::OFFSET_SIZE as u64,
@@ -108,7 +108,7 @@ fn layers(item: LazItemType) -> Option<usize> {
 }
 
 /// Where the points begin: byte 96 of the header.
-fn data_start(path: &Path, file: &mut File) -> Result<u64> {
+fn data_start(path: &Path, file: &mut Stream) -> Result<u64> {
     let mut bytes = [0; 4];
     file.seek(SeekFrom::Start(96))
         .and_then(|_| file.read_exact(&mut bytes))
@@ -119,7 +119,7 @@ fn data_start(path: &Path, file: &mut File) -> Result<u64> {
 /// The chunks of a file, one after the other.
 struct Chunks<'a> {
     path: &'a Path,
-    file: File,
+    file: Stream,
     at: u64,
     size: u64,
     /// Buffer for the sizes of the layers.
@@ -164,6 +164,7 @@ impl Chunks<'_> {
 
 #[cfg(test)]
 mod tests {
+    use crate::format::input::Input;
     use crate::format::las::file::LasFile;
 
     /// Writes ten points of format 6; returns the bytes of the file, and where its points begin.
@@ -192,7 +193,7 @@ mod tests {
         let path = folder.path().join("a.laz");
         let (whole, data) = written(&path);
         assert_eq!(
-            LasFile::open(&path)
+            LasFile::open(&Input::from(&path))
                 .unwrap()
                 .read(99, |_, _| Ok(()))
                 .unwrap(),
@@ -202,7 +203,7 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
             std::fs::write(&path, bytes).unwrap();
-            let error = LasFile::open(&path).err().expect("an error");
+            let error = LasFile::open(&Input::from(&path)).err().expect("an error");
             error.to_string()
         };
         // After the position of the table, the first point and the number of points.

@@ -1,13 +1,13 @@
 //! Defensive reading of LAS and LAZ: a damaged header must not exhaust memory, damaged points must
 //! not cause a panic.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::error::{Error, Location, Result};
-use crate::format::file::{self, guarded};
+use crate::format::file::guarded;
+use crate::format::input::{Input, Stream};
 use crate::format::las::chunks as laz_chunks;
 use crate::geometry::Vec3;
 
@@ -34,7 +34,7 @@ pub(crate) struct LasPoint<'a> {
 
 /// An open LAS or LAZ file.
 pub(crate) struct LasFile {
-    path: PathBuf,
+    input: Input,
     reader: las::Reader,
     /// Whether the reader unpacks chunks on all threads.
     is_parallel: bool,
@@ -56,33 +56,33 @@ fn problem(path: &Path, error: las::Error) -> Error {
 
 impl LasFile {
     /// Chunks of different sizes, as in COPC, are unpacked on all threads.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let file = Self::reopen(path)?;
-        if laz_chunks::check(path, file.header(), file.bytes)? {
-            return Self::with(path, las::LazParallelism::Yes);
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        let file = Self::reopen(input)?;
+        if laz_chunks::check(input, file.header(), file.bytes)? {
+            return Self::with(input, las::LazParallelism::Yes);
         }
         Ok(file)
     }
 
     /// As [`open`](Self::open) where the chunks were checked, or only the header is read; unpacks on one thread.
-    pub(crate) fn reopen(path: &Path) -> Result<Self> {
+    pub(crate) fn reopen(input: &Input) -> Result<Self> {
         // Sequential decompression does not allocate memory based on a chunk table, which may be
         // damaged.
-        Self::with(path, las::LazParallelism::No)
+        Self::with(input, las::LazParallelism::No)
     }
 
-    fn with(path: &Path, parallelism: las::LazParallelism) -> Result<Self> {
-        let (mut file, bytes) = file::open(path)?;
-        check_header(path, &mut file, bytes)?;
-        guarded(path, "LAS or LAZ", || {
+    fn with(input: &Input, parallelism: las::LazParallelism) -> Result<Self> {
+        let (mut file, bytes) = input.open()?;
+        check_header(input.path(), &mut file, bytes)?;
+        guarded(input.path(), "LAS or LAZ", || {
             let options = las::ReaderOptions::default().with_laz_parallelism(parallelism);
             let reader = las::Reader::with_options(BufReader::new(file), options)
-                .map_err(|e| problem(path, e))?;
+                .map_err(|e| problem(input.path(), e))?;
             let points = las::PointDataBuilder::new()
                 .for_header(reader.header())
                 .build();
             Ok(Self {
-                path: path.to_owned(),
+                input: input.clone(),
                 reader,
                 is_parallel: matches!(parallelism, las::LazParallelism::Yes),
                 points,
@@ -93,8 +93,12 @@ impl LasFile {
         })
     }
 
+    pub(crate) fn input(&self) -> &Input {
+        &self.input
+    }
+
     pub(crate) fn path(&self) -> &Path {
-        &self.path
+        self.input.path()
     }
 
     pub(crate) fn header(&self) -> &las::Header {
@@ -124,7 +128,8 @@ impl LasFile {
     pub(crate) fn seek(&mut self, index: u64) -> Result<()> {
         self.taken = index;
         self.ready = 0..0;
-        let Self { path, reader, .. } = self;
+        let Self { input, reader, .. } = self;
+        let path = input.path();
         guarded(path, "LAS or LAZ", || {
             reader.seek(index).map_err(|e| problem(path, e))
         })
@@ -137,7 +142,7 @@ impl LasFile {
         mut take: impl FnMut(u64, LasPoint<'_>) -> Result<()>,
     ) -> Result<u64> {
         let Self {
-            path,
+            input,
             reader,
             is_parallel,
             points,
@@ -145,6 +150,7 @@ impl LasFile {
             taken,
             ..
         } = self;
+        let path = input.path();
         let format = *reader.header().point_format();
         let (length, extra) = (points.record_len(), usize::from(format.extra_bytes));
         let most = LARGEST_PIECE / length.max(1);
@@ -220,7 +226,7 @@ pub(crate) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 }
 
 /// Checks the header against the size of the file before a decoder relies on it.
-fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
+fn check_header(path: &Path, file: &mut Stream, size: u64) -> Result<()> {
     let short = |at: u64, what: &str| {
         Error::format(
             path,
@@ -280,7 +286,7 @@ fn check_header(path: &Path, file: &mut File, size: u64) -> Result<()> {
 /// Checks the position and length of the table of compressed chunks.
 fn check_chunk_table(
     path: &Path,
-    file: &mut File,
+    file: &mut Stream,
     data: u64,
     size: u64,
     points: u64,
@@ -324,7 +330,7 @@ fn check_chunk_table(
 /// Checks that extended records, which are read into memory, end within the file.
 fn check_extended_records(
     path: &Path,
-    file: &mut File,
+    file: &mut Stream,
     (first, count): (u64, u64),
     size: u64,
 ) -> Result<()> {

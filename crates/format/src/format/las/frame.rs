@@ -1,11 +1,10 @@
 //! Units and frame of a LAS file: the coordinate reference system in its header, as well-known text (LAS 1.4, record
 //! 2112 of `LASF_Projection`) or as GeoTIFF keys (record 34735).
 
-use std::path::Path;
-
 use crate::error::Result;
 use crate::format::cloud::crs::{ANGLES, describe as describe_wkt, describe_unit};
 use crate::format::file::guarded;
+use crate::format::input::Input;
 use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::LasFile;
 use las::crs::{GeoTiffCrs, GeoTiffData};
@@ -27,10 +26,10 @@ const CODES: std::ops::Range<u16> = 1024..32767;
 ///
 /// # Errors
 /// Those of opening the file.
-pub(crate) fn describe(path: &Path) -> Result<String> {
-    let file = LasFile::reopen(path)?;
+pub(crate) fn describe(input: &Input) -> Result<String> {
+    let file = LasFile::reopen(input)?;
     let header = file.header();
-    let keys = guarded(path, "LAS or LAZ", || Ok(header.get_geotiff_crs()))?;
+    let keys = guarded(input.path(), "LAS or LAZ", || Ok(header.get_geotiff_crs()))?;
     let wkt = header.get_wkt_crs_bytes().map(String::from_utf8_lossy);
     let system = match (wkt.as_deref().and_then(describe_wkt), keys) {
         (Some(text), _) => format!("{text} (WKT of the file)"),

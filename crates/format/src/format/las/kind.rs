@@ -1,6 +1,7 @@
 //! LAS and LAZ among the formats.
 
 use crate::error::Result;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
 use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::LasFile;
@@ -8,7 +9,6 @@ use crate::format::las::frame as las_frame;
 use crate::format::las::points::read_las;
 use crate::format::las::scan::{LasScan, PosedScan, read_poses};
 use crate::format::profiles::reader::ProfileReader;
-use std::path::Path;
 
 /// The byte with the format of the points, and its bit for compression.
 const POINT_FORMAT: usize = 104;
@@ -47,8 +47,8 @@ fn is_compressed(start: &Start<'_>) -> bool {
         .is_some_and(|b| b & COMPRESSED != 0)
 }
 
-fn wkt(path: &Path) -> Result<Option<String>> {
-    let file = LasFile::reopen(path)?;
+fn wkt(input: &Input) -> Result<Option<String>> {
+    let file = LasFile::reopen(input)?;
     let wkt = file.header().get_wkt_crs_bytes();
     let text = wkt.map(|wkt| String::from_utf8_lossy(wkt).into_owned());
     let text = text.map(|text| text.trim_end_matches('\0').trim().to_owned());
@@ -57,8 +57,8 @@ fn wkt(path: &Path) -> Result<Option<String>> {
 
 /// Points in the scanner frame with times; or points in the world with the sensor's pose for each, which are
 /// transformed back into the scanner frame and sorted by time in memory.
-fn open_profiles(path: &Path) -> Result<Box<dyn ProfileReader>> {
-    let file = LasFile::open(path)?;
+fn open_profiles(input: &Input) -> Result<Box<dyn ProfileReader>> {
+    let file = LasFile::open(input)?;
     Ok(match PoseColumns::of(&file) {
         Some(_) => Box::new(PosedScan::read(file)?),
         None => Box::new(LasScan::new(&file)?),

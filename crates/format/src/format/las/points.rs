@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::las::file::{LasFile, LasPoint};
 use crate::geometry::Vec3;
 
@@ -19,8 +20,9 @@ const PART: u64 = 500_000;
 ///
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points.
-pub fn las_count(path: &Path) -> Result<u64> {
-    count_of(&LasFile::open(path)?)
+pub fn las_count(input: impl Into<Input>) -> Result<u64> {
+    let input = &input.into();
+    count_of(&LasFile::open(input)?)
 }
 
 fn count_of(file: &LasFile) -> Result<u64> {
@@ -35,8 +37,12 @@ fn count_of(file: &LasFile) -> Result<u64> {
 ///
 /// # Errors
 /// As [`las_count`]; errors of `each`.
-pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> {
-    let file = LasFile::open(path)?;
+pub fn stream_las(
+    input: impl Into<Input>,
+    each: &mut dyn FnMut(&[Vec3]) -> Result<()>,
+) -> Result<()> {
+    let input = &input.into();
+    let file = LasFile::open(input)?;
     let count = count_of(&file)?;
     if !file.can_seek() {
         return stream_in_order(file, count, each);
@@ -45,7 +51,7 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
     let at_once = rayon::current_num_threads() as u64;
     for first in (0..parts).step_by(at_once as usize) {
         let batch = first..parts.min(first + at_once);
-        let pieces = read_parts(path, batch, count, Vec::with_capacity, |points, point| {
+        let pieces = read_parts(input, batch, count, Vec::with_capacity, |points, point| {
             points.push(point.position);
         })?;
         pieces.iter().try_for_each(|piece| each(piece))?;
@@ -54,8 +60,8 @@ pub fn stream_las(path: &Path, each: &mut dyn FnMut(&[Vec3]) -> Result<()>) -> R
 }
 
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
-pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
-    let mut file = LasFile::open(path)?;
+pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
+    let mut file = LasFile::open(input)?;
     let count = count_of(&file)?;
     let empty = |most| PointCloud {
         points: Vec::with_capacity(most),
@@ -75,7 +81,7 @@ pub(crate) fn read_las(path: &Path) -> Result<PointCloud> {
         read_until(&mut file, count, &mut cloud, take)?;
         return Ok(cloud);
     }
-    let parts = read_parts(path, 0..count.div_ceil(PART), count, empty, take)?;
+    let parts = read_parts(input, 0..count.div_ceil(PART), count, empty, take)?;
     for part in parts {
         cloud.points.extend(part.points);
         cloud.time_s.extend(part.time_s);
@@ -114,7 +120,7 @@ fn cut_off(path: &Path, found: u64, count: u64) -> Error {
 /// Decodes several parts of a file of `count` points in parallel, each of [`PART`] points: `empty`
 /// makes the result of a part for the number of its points, and `take` adds the points in order.
 fn read_parts<T: Send>(
-    path: &Path,
+    input: &Input,
     parts: Range<u64>,
     count: u64,
     empty: impl Fn(usize) -> T + Sync,
@@ -122,7 +128,7 @@ fn read_parts<T: Send>(
 ) -> Result<Vec<T>> {
     let read_part = |part| {
         let (start, end) = (part * PART, count.min((part + 1) * PART));
-        let mut file = LasFile::reopen(path)?;
+        let mut file = LasFile::reopen(input)?;
         if start > 0 {
             file.seek(start)?;
         }

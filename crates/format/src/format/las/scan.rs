@@ -1,11 +1,11 @@
 //! LAS and LAZ as scanner recordings: points in the scanner frame with times, or points in the
 //! world with the sensor's pose for each.
 
-use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::{LasFile, point_error};
 use crate::format::profiles::reader::ProfileReader;
@@ -23,10 +23,10 @@ pub(crate) struct LasScan {
 
 impl LasScan {
     pub(crate) fn new(file: &LasFile) -> Result<Self> {
-        let path = file.path().to_owned();
+        let input = file.input().clone();
         if !file.has_time() {
             return Err(Error::format(
-                path,
+                input.path(),
                 Location::Whole,
                 "points without time",
                 "a point format with GPS time (1, 3 to 10)",
@@ -34,11 +34,11 @@ impl LasScan {
         }
         let points = file.header().number_of_points();
         if points == 0 {
-            return Err(nothing_in(&path, "point"));
+            return Err(nothing_in(input.path(), "point"));
         }
         let bytes = file.bytes_total();
         let (sender, chunks) = sync_channel(1);
-        std::thread::spawn(move || decode(&path, &sender));
+        std::thread::spawn(move || decode(&input, &sender));
         Ok(Self {
             chunks,
             points,
@@ -49,14 +49,19 @@ impl LasScan {
 }
 
 /// Sends the chunks of a file until it ends, fails, or the receiver is dropped.
-fn decode(path: &Path, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
+fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
     let mut last = f64::NEG_INFINITY;
     let mut next = |file: &mut LasFile| {
         let mut chunk = Vec::new();
         file.read(CHUNK_POINTS, |index, point| {
             if point.time_s < last {
                 let found = format!("time {} s after {last} s", point.time_s);
-                return Err(point_error(path, index, &found, "points in time order"));
+                return Err(point_error(
+                    input.path(),
+                    index,
+                    &found,
+                    "points in time order",
+                ));
             }
             last = point.time_s;
             chunk.push(ScanPoint {
@@ -68,7 +73,7 @@ fn decode(path: &Path, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
         })?;
         Ok(chunk)
     };
-    let mut file = match LasFile::reopen(path) {
+    let mut file = match LasFile::reopen(input) {
         Ok(file) => file,
         Err(e) => {
             let _ = sender.send(Err(e));
@@ -131,10 +136,10 @@ impl PosedPoint {
 /// Reads every point with its pose and sorts them by time, in memory, because such files are
 /// ordered by position.
 fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
-    let path = file.path().to_owned();
+    let input = file.input().clone();
     let Some(columns) = PoseColumns::of(file) else {
         return Err(Error::format(
-            &path,
+            input.path(),
             Location::Whole,
             "points without the sensor's pose",
             "times and the extra dimensions SensorX, SensorY, SensorZ (m), SensorRollRads, \
@@ -146,7 +151,7 @@ fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
         let pose = columns.values(&point);
         if !pose.iter().all(|v| v.is_finite()) {
             let found = "a pose that is not finite";
-            return Err(point_error(&path, index, found, "finite numbers"));
+            return Err(point_error(input.path(), index, found, "finite numbers"));
         }
         points.push(PosedPoint {
             time_s: point.time_s,
@@ -158,7 +163,7 @@ fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
     })? > 0
     {}
     if points.is_empty() {
-        return Err(nothing_in(&path, "point"));
+        return Err(nothing_in(input.path(), "point"));
     }
     // Stable: points of the same time keep the order of the file.
     points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -284,8 +289,8 @@ impl ProfileReader for PosedScan {
 }
 
 /// The distinct poses world_from_body of a file, in time order.
-pub(crate) fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
-    let mut points = read_posed(&mut LasFile::open(path)?)?;
+pub(crate) fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
+    let mut points = read_posed(&mut LasFile::open(input)?)?;
     points.dedup_by_key(|p| p.time_s);
     Ok(points
         .iter()

@@ -18,10 +18,9 @@
 //! columns, but milliseconds. The header is the same in both cases; the reader compares the spans
 //! of the two clocks.
 
-use std::path::Path;
-
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::table::{Columns, Table};
 use crate::sensor::{Observations, PolarObservation, Positions, RejectedRow};
@@ -91,11 +90,11 @@ pub struct RtsObservations {
 /// # Errors
 /// Missing columns, cells that are not finite numbers, angles that are not radians, no row with a
 /// range.
-pub fn read_polar(path: &Path) -> Result<RtsObservations> {
+pub fn read_polar(input: &Input) -> Result<RtsObservations> {
     use std::f64::consts::TAU;
     // Instruments round 2π, and corrections for delays may exceed it.
     const SLACK_RAD: f64 = 1e-2;
-    let mut table = Table::open(path, &COLUMNS)?;
+    let mut table = Table::open(input, &COLUMNS)?;
     let mut found = RtsObservations::default();
     let mut row = [0.0; 8];
     while table.next_row(&mut row)? {
@@ -122,7 +121,7 @@ pub fn read_polar(path: &Path) -> Result<RtsObservations> {
                 }
             }
             found.rejected.push(RejectedRow {
-                source: path.display().to_string(),
+                source: input.path().display().to_string(),
                 line: table.number(),
                 time_s: ref_time_s,
                 reason,
@@ -148,11 +147,16 @@ pub fn read_polar(path: &Path) -> Result<RtsObservations> {
         });
     }
     match (found.observations.len(), found.rejected.len()) {
-        (0, 0) => return Err(nothing_in(path, "observation")),
+        (0, 0) => return Err(nothing_in(input.path(), "observation")),
         (0, rejected) => {
             let found = format!("{rejected} rows, none with a range and a time of the instrument");
             let expected = "at least one observation";
-            return Err(Error::format(path, Location::Whole, found, expected));
+            return Err(Error::format(
+                input.path(),
+                Location::Whole,
+                found,
+                expected,
+            ));
         }
         _ => {}
     }
@@ -174,16 +178,16 @@ fn counts_milliseconds(observations: &[RtsObservation]) -> bool {
 }
 
 /// Reads positions relative to an instrument, at the times of the computer.
-fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+fn read_positions(input: &Input, observations: &Observations) -> Result<Positions> {
     let Observations::Polar(instrument) = observations else {
         return Err(Error::format(
-            path,
+            input.path(),
             Location::Whole,
             "polar observations only",
             "the instrument's pose in the project (station_m and station_orientation_deg)",
         ));
     };
-    let found = read_polar(path)?;
+    let found = read_polar(input)?;
     let observed = found.observations.iter();
     Ok(Positions {
         fixes: observed
@@ -210,7 +214,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("rts.csv");
         std::fs::write(&path, text).unwrap();
-        read_polar(&path)
+        read_polar(&Input::from(&path))
     }
 
     #[test]
@@ -292,6 +296,8 @@ mod tests {
     fn damaged_files_do_not_panic() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("rts.csv");
-        for_each_damaged(&path, EXPORT.as_bytes(), 4000, || drop(read_polar(&path)));
+        for_each_damaged(&path, EXPORT.as_bytes(), 4000, || {
+            drop(read_polar(&Input::from(&path)))
+        });
     }
 }

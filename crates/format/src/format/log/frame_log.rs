@@ -1,9 +1,8 @@
 //! Logs of quantities that may bend the frame: temperatures, loads, pressures.
 
-use std::path::Path;
-
 use crate::error::Result;
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::text::table::{Columns, Table};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS};
 
@@ -12,7 +11,8 @@ use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS};
 ///
 /// # Errors
 /// A column that the table does not have, cells that are not finite numbers, times that do not ascend, no rows.
-pub fn read_frame_log(path: &Path, columns: &[String]) -> Result<FrameLog> {
+pub fn read_frame_log(input: impl Into<Input>, columns: &[String]) -> Result<FrameLog> {
+    let input = &input.into();
     let columns = &columns[..columns.len().min(MAX_FRAME_COLUMNS)];
     let mut needed = vec!["time_s"];
     needed.extend(columns.iter().map(String::as_str));
@@ -20,7 +20,7 @@ pub fn read_frame_log(path: &Path, columns: &[String]) -> Result<FrameLog> {
         needed: &needed,
         optional: &[],
     };
-    let mut table = Table::open(path, &wanted)?;
+    let mut table = Table::open(input, &wanted)?;
     let mut row = vec![0.0; needed.len()];
     let mut log = FrameLog {
         rows: Vec::new(),
@@ -38,7 +38,7 @@ pub fn read_frame_log(path: &Path, columns: &[String]) -> Result<FrameLog> {
         log.rows.push((time_s, std::array::from_fn(value)));
     }
     if log.rows.is_empty() {
-        return Err(nothing_in(path, "row"));
+        return Err(nothing_in(input.path(), "row"));
     }
     Ok(log)
 }

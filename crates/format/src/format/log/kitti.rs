@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::civil::{DAY_S, days_since_1970, second_of_day};
 use crate::format::text::lines::Lines;
@@ -32,7 +33,7 @@ pub(crate) const POSES: Kind = Kind {
 
 pub(crate) const OXTS_TIMES: Kind = Kind {
     signature: Some(|start| is_time_stamp(start.bytes)),
-    imu: Some(|path| read_imu(path.parent().unwrap_or(Path::new("")))),
+    imu: Some(|input| read_imu(input.path().parent().unwrap_or(Path::new("")))),
     beside: Some(record_files),
     frame: Frame::Fixed("rad/s and m/s² (the format); body frame x forward, y left, z up"),
     ..Kind::new(
@@ -98,9 +99,9 @@ fn upright(pose: WorldFromBody) -> WorldFromBody {
 /// # Errors
 /// No `times.txt`; a `times.txt` of another length or with times that do not increase; lines without 12
 /// finite numbers, matrices that are not rotations, no poses.
-pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
-    let mut lines = Lines::open(path)?;
-    let (times_path, times_s) = times(path)?;
+pub fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
+    let mut lines = Lines::open(input)?;
+    let (times_path, times_s) = times(input.path())?;
     let mut times = times_s.iter();
     let mut cells = Vec::with_capacity(POSE);
     let mut records = Vec::new();
@@ -125,7 +126,7 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
         records.push(PoseRecord::new(*time_s, upright(pose)));
     }
     if records.is_empty() {
-        return Err(nothing_in(path, "pose"));
+        return Err(nothing_in(input.path(), "pose"));
     }
     if times.next().is_some() {
         let found = format!("{} poses", records.len());
@@ -134,7 +135,12 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
             times_s.len(),
             times_path.display()
         );
-        return Err(Error::format(path, Location::Whole, found, expected));
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            found,
+            expected,
+        ));
     }
     Ok(records)
 }
@@ -174,7 +180,7 @@ fn times(poses: &Path) -> Result<(PathBuf, Vec<f64>)> {
             format!("a file with one time in seconds per pose: {candidates}"),
         ));
     };
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(&Input::from(path))?;
     let (mut cells, mut times_s) = (Vec::with_capacity(1), Vec::new());
     let expected = || "one time in seconds".to_owned();
     while lines.next_numbers(&mut cells, |n| n == 1, expected)? {
@@ -211,7 +217,7 @@ fn oxts_folder(folder: &Path) -> PathBuf {
 pub fn read_imu(folder: &Path) -> Result<Vec<ImuSample>> {
     let oxts = oxts_folder(folder);
     let path = oxts.join("timestamps.txt");
-    let mut lines = Lines::open(&path)?;
+    let mut lines = Lines::open(&Input::from(&path))?;
     let record = |index: usize| oxts.join("data").join(format!("{index:010}.txt"));
     let mut samples = Vec::new();
     while lines.advance()? {
@@ -248,7 +254,7 @@ pub fn read_imu(folder: &Path) -> Result<Vec<ImuSample>> {
 
 /// The numbers of one record.
 fn oxts_record(path: &Path) -> Result<[f64; OXTS]> {
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(&Input::from(path))?;
     let mut cells = Vec::with_capacity(OXTS);
     let expected = || format!("{OXTS} finite numbers");
     if !lines.next_numbers(&mut cells, |n| n == OXTS, expected)? {
@@ -304,7 +310,7 @@ mod tests {
         fs::create_dir_all(times_path.parent().unwrap()).unwrap();
         fs::write(&path, poses).unwrap();
         fs::write(times_path, times).unwrap();
-        read_poses(&path)
+        read_poses(&Input::from(&path))
     }
 
     fn oxts(folder: &Path, stamps: &str, records: &[String]) -> Result<Vec<ImuSample>> {
@@ -437,9 +443,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let (path, times) = (dir.path().join("07.txt"), dir.path().join("times.txt"));
         fs::write(&times, TIMES).unwrap();
-        for_each_damaged(&path, POSES.as_bytes(), 2000, || drop(read_poses(&path)));
+        for_each_damaged(&path, POSES.as_bytes(), 2000, || {
+            drop(read_poses(&Input::from(&path)))
+        });
         fs::write(&path, POSES).unwrap();
-        for_each_damaged(&times, TIMES.as_bytes(), 1000, || drop(read_poses(&path)));
+        for_each_damaged(&times, TIMES.as_bytes(), 1000, || {
+            drop(read_poses(&Input::from(&path)))
+        });
         oxts(dir.path(), STAMPS, &[record(0.0), record(1.0)]).unwrap();
         let stamps = dir.path().join("oxts/timestamps.txt");
         for_each_damaged(&stamps, STAMPS.as_bytes(), 2000, || {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::{TableWriter, sigma};
 use crate::format::text::lines::header_names;
@@ -106,31 +107,31 @@ pub(crate) const TPS_TABLE: Kind = Kind {
 /// # Errors
 /// Missing columns, cells that are not finite numbers, standard deviations or covariances that are
 /// not positive, geographic coordinates, vertical angles outside the instrument's convention, polar
-/// observations without an instrument, no rows, no row with a range.
-pub(crate) fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
-    let positions = read_new_positions(path, observations)?;
-    if positions.fixes.is_empty() {
+/// observations without an instrument; of a whole file also no rows, no row with a range.
+pub(crate) fn read_positions(input: &Input, observations: &Observations) -> Result<Positions> {
+    let positions = read_all(input, observations)?;
+    // New rows of a log that grows may all lack a range.
+    if positions.fixes.is_empty() && !input.is_excerpt() {
         let rejected = positions.rejected.len();
         if rejected > 0 {
             let found = format!("{rejected} rows, none with a range");
-            return Err(error(path, found, "at least one position"));
+            return Err(error(input.path(), found, "at least one position"));
         }
-        return Err(nothing_in(path, "position"));
+        return Err(nothing_in(input.path(), "position"));
     }
     Ok(positions)
 }
 
-/// Reads a part of a log like `read_positions`; it may contain no position.
-pub fn read_new_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {
     // A missing header is reported by the reader of coordinates.
-    let names = header_names(path).unwrap_or_default();
+    let names = header_names(input).unwrap_or_default();
     let [is_cartesian, is_polar, is_tps] =
         [&POSITIONS, &POLAR, &TPS].map(|columns| columns.are_in(&names));
     if let Some(name) = names.iter().find(|name| is_geographic(name))
         && !(is_cartesian || is_polar || is_tps)
     {
         return Err(error(
-            path,
+            input.path(),
             format!("the geographic column {name}"),
             "projected or local coordinates east_m, north_m, up_m: latitude and longitude are not \
              read; export them in a projected system",
@@ -139,7 +140,7 @@ pub fn read_new_positions(path: &Path, observations: &Observations) -> Result<Po
     let instrument = match observations {
         Observations::AsFound if is_tps || is_polar && is_cartesian => {
             return Err(error(
-                path,
+                input.path(),
                 "coordinates and polar observations",
                 "a choice in the project: observations = \"cartesian\" or \"polar\"",
             ));
@@ -148,30 +149,30 @@ pub fn read_new_positions(path: &Path, observations: &Observations) -> Result<Po
         Observations::Polar(instrument) => Some(instrument),
     };
     match instrument {
-        None if is_tps => read(path, &TPS, |row: &[f64; 8], _| {
+        None if is_tps => read(input, &TPS, |row: &[f64; 8], _| {
             let position_m = Vec3::new(row[1], row[2], row[3]);
             let fix = PositionFix::with_sigma(row[0], position_m, None);
             Ok(without_range(row[4], row[7]).map_or(Ok(fix), Err))
         }),
         None if is_polar && !is_cartesian => Err(error(
-            path,
+            input.path(),
             "polar observations only",
             "the instrument's pose in the project (station_m and station_orientation_deg), or \
              coordinates",
         )),
-        None => read(path, &POSITIONS, |row: &[f64; 14], table| {
+        None => read(input, &POSITIONS, |row: &[f64; 14], table| {
             cartesian(row, table).map(Ok)
         }),
-        Some(instrument) if is_tps => read(path, &TPS, |row: &[f64; 8], table| {
+        Some(instrument) if is_tps => read(input, &TPS, |row: &[f64; 8], table| {
             polar(instrument, [row[0], row[4], row[5], row[6], row[7]], table)
         }),
         Some(_) if is_cartesian && !is_polar => Err(error(
-            path,
+            input.path(),
             "coordinates",
             "polar observations, since the project gives station_orientation_deg: columns time_s, \
              slope_distance_m, horizontal_deg, vertical_deg",
         )),
-        Some(instrument) => read(path, &POLAR, |row: &[f64; 5], table| {
+        Some(instrument) => read(input, &POLAR, |row: &[f64; 5], table| {
             polar(instrument, *row, table)
         }),
     }
@@ -189,18 +190,18 @@ fn is_geographic(name: &str) -> bool {
 
 /// Reads all rows of a table; `record` returns a fix, or the reason for its rejection.
 fn read<const N: usize>(
-    path: &Path,
+    input: &Input,
     columns: &Columns,
     record: impl Fn(&[f64; N], &Table) -> Result<std::result::Result<PositionFix, String>>,
 ) -> Result<Positions> {
-    let mut table = Table::open(path, columns)?;
+    let mut table = Table::open(input, columns)?;
     let mut found = Positions::default();
     let mut row = [0.0; N];
     while table.next_row(&mut row)? {
         match record(&row, &table)? {
             Ok(fix) => found.fixes.push(fix),
             Err(reason) => found.rejected.push(RejectedRow {
-                source: path.display().to_string(),
+                source: input.path().display().to_string(),
                 line: table.number(),
                 time_s: row[0],
                 reason,

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind;
 use crate::sensor::{GeographicFix, HeadingFix, ImuSample};
 pub use arriving::Arriving;
@@ -100,9 +101,9 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
 ///
 /// # Errors
 /// No frame, no usable sample; a clock that goes back (the device was restarted), UTC that steps.
-pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
+pub(crate) fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
     let expected = "IMU_SHORT or IMU_DATA with contact to the IMU";
-    read(path, [IMU_SHORT, IMU_DATA], expected, |time_s, content| {
+    read(input, [IMU_SHORT, IMU_DATA], expected, |time_s, content| {
         let Content::Imu {
             gyro_rad_s,
             accel_m_s2,
@@ -128,10 +129,10 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// Those of [`read_imu`].
-pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
+pub(crate) fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     let expected = "GPS1_HDT or GPS2_HDT with a solution";
     read(
-        path,
+        input,
         [GPS1_HDT, GPS2_HDT],
         expected,
         |time_s, content| match content {
@@ -147,10 +148,10 @@ pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 ///
 /// # Errors
 /// Those of [`read_imu`].
-pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
+pub(crate) fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
     let expected = "GPS1_POS or GPS2_POS with a solution";
     read(
-        path,
+        input,
         [GPS1_POS, GPS2_POS],
         expected,
         |time_s, content| match content {
@@ -161,10 +162,10 @@ pub(crate) fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
 }
 
 /// The end of each IMU sample, in bytes from the start of the file, and its time as in [`read_imu`].
-fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
-    let overview = Overview::of(path)?;
+fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
+    let overview = Overview::of(input)?;
     let mut ends = Vec::new();
-    let mut messages = Messages::open(path)?;
+    let mut messages = Messages::open(input)?;
     while let Some(message) = messages.next()? {
         if let Some((device_us, Content::Imu { .. })) = message.content {
             ends.push((message.end, overview.utc.time_s(device_us)));
@@ -177,26 +178,31 @@ fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
 ///
 /// # Errors
 /// No frame.
-pub(crate) fn summary(path: &Path) -> Result<Counts> {
-    Ok(Overview::of(path)?.counts)
+pub(crate) fn summary(input: &Input) -> Result<Counts> {
+    Ok(Overview::of(input)?.counts)
 }
 
 /// Reads the usable messages of the first of `kinds` that has usable messages.
 fn read<T>(
-    path: &Path,
+    input: &Input,
     kinds: [Kind; 2],
     expected: &str,
     record: impl Fn(f64, Content) -> Option<T>,
 ) -> Result<Vec<T>> {
-    let overview = Overview::of(path)?;
+    let overview = Overview::of(input)?;
     let usable = |kind: &Kind| overview.by_kind.get(kind).is_some_and(|count| count[1] > 0);
     let Some(kind) = kinds.into_iter().find(usable) else {
         let found = overview.counts.describe();
-        return Err(Error::format(path, Location::Whole, found, expected));
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            found,
+            expected,
+        ));
     };
-    overview.check(path)?;
+    overview.check(input.path())?;
     let mut records = Vec::new();
-    let mut messages = Messages::open(path)?;
+    let mut messages = Messages::open(input)?;
     while let Some(message) = messages.next()? {
         if let (true, Some((device_us, content))) = (message.kind == kind, message.content) {
             records.extend(record(overview.utc.time_s(device_us), content));
@@ -233,12 +239,12 @@ struct Overview {
 }
 
 impl Overview {
-    fn of(path: &Path) -> Result<Self> {
+    fn of(input: &Input) -> Result<Self> {
         // GNSS messages are late by less than this.
         const BACK_US: i64 = 10_000_000;
         let mut overview = Self::default();
         let mut span_us: Option<(i64, i64)> = None;
-        let mut messages = Messages::open(path)?;
+        let mut messages = Messages::open(input)?;
         loop {
             let last_us = messages.clock.last_us();
             let Some(message) = messages.next()? else {
@@ -265,7 +271,7 @@ impl Overview {
             }
         }
         if overview.counts.frames == 0 {
-            return Err(nothing_in(path, "complete sbgECom frame"));
+            return Err(nothing_in(input.path(), "complete sbgECom frame"));
         }
         let counts = &mut overview.counts;
         counts.damaged_bytes = messages.frames.other_bytes;
@@ -313,9 +319,9 @@ struct Messages {
 }
 
 impl Messages {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(input: &Input) -> Result<Self> {
         Ok(Self {
-            frames: Frames::open(path)?,
+            frames: Frames::open(input)?,
             clock: DeviceClock::default(),
         })
     }

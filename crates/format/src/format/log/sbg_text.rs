@@ -13,9 +13,8 @@
 //! The program treats the UTC of the device as local time: on a computer whose time zone is not UTC,
 //! times are off by the zone. The binary log does not have this fault and should be preferred.
 
-use std::path::Path;
-
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::sbg::clock::{DeviceClock, seconds, unix_ns};
 use crate::format::text::lines::{Lines, Separator};
@@ -76,9 +75,9 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
 ///
 /// # Errors
 /// Missing columns, other units, cells that are not finite numbers, no usable row.
-pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
+pub(crate) fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
     read(
-        path,
+        input,
         &IMU,
         "sample of the IMU",
         |time_s, state, row: &[f64; 6]| {
@@ -97,9 +96,9 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// Those of [`read_imu`].
-pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
+pub(crate) fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     read(
-        path,
+        input,
         &HEADING,
         "heading",
         |time_s, state, row: &[f64; 4]| {
@@ -120,12 +119,12 @@ pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 
 /// Reads all rows; `record` gets the time, the status and the values of the wanted columns.
 fn read<const N: usize, T>(
-    path: &Path,
+    input: &Input,
     wanted: &[(&str, &str); N],
     what: &str,
     record: impl Fn(f64, u32, &[f64; N]) -> Option<T>,
 ) -> Result<Vec<T>> {
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(input)?;
     let header = Header::read(&mut lines, wanted)?;
     let mut clock = DeviceClock::default();
     let mut records = Vec::new();
@@ -169,7 +168,12 @@ fn read<const N: usize, T>(
         } else {
             format!("at least one {what}")
         };
-        return Err(Error::format(path, Location::Whole, found, expected));
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            found,
+            expected,
+        ));
     }
     Ok(records)
 }
@@ -265,11 +269,11 @@ mod tests {
         4294965496\t0x0041\t5\t173.461654663\t1.092898011\t16.543762207\t2.939633369\t1.000000000\t255\t255\n\
         \x20      200\t0x0000\t5\t275.258972168\t0.030753961\t44.118446350\t1.045792699\t1.000000000\t255\t255\n";
 
-    fn with_file<T>(text: &str, check: impl FnOnce(&Path) -> T) -> T {
+    fn with_file<T>(text: &str, check: impl FnOnce(&Input) -> T) -> T {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("imuShort.txt");
         std::fs::write(&path, text).unwrap();
-        check(&path)
+        check(&Input::from(&path))
     }
 
     fn is_close(found: &Vec3, expected: [f64; 3], tolerance: f64) -> bool {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::format::file::{extension, nothing_in};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::parquet::ParquetTable;
 use crate::format::text::table::{Columns, Table};
@@ -47,8 +48,8 @@ pub(crate) const HEADING_TABLE: Kind = Kind {
 ///
 /// # Errors
 /// Missing columns, cells that are not finite numbers, no rows.
-pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
-    read_rows::<7, _>(path, &IMU, "IMU sample", |row, _| {
+pub(crate) fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
+    read_rows::<7, _>(input, &IMU, "IMU sample", |row, _| {
         Ok(ImuSample {
             time_s: row[0],
             gyro_rad_s: Vec3::new(row[1], row[2], row[3]),
@@ -63,8 +64,8 @@ pub(crate) fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// Those of [`read_imu`]; a standard deviation that is not positive, or that belongs to a missing pitch.
-pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
-    read_rows::<5, _>(path, &HEADING, "heading", |row, table| {
+pub(crate) fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
+    read_rows::<5, _>(input, &HEADING, "heading", |row, table| {
         let radians = |value: f64| (!value.is_nan()).then(|| value.to_radians());
         let pitch_rad = radians(row[3]);
         if pitch_rad.is_none() && !row[4].is_nan() {
@@ -85,19 +86,19 @@ pub(crate) fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 
 /// Reads every row of a table in the order of the file; `N` is the number of columns.
 pub(crate) fn read_rows<const N: usize, T>(
-    path: &Path,
+    input: &Input,
     columns: &Columns,
     what: &str,
     mut record: impl FnMut(&[f64; N], &Table) -> Result<T>,
 ) -> Result<Vec<T>> {
-    let mut table = Table::open(path, columns)?;
+    let mut table = Table::open(input, columns)?;
     let mut records = Vec::new();
     let mut row = [0.0; N];
     while table.next_row(&mut row)? {
         records.push(record(&row, &table)?);
     }
     if records.is_empty() {
-        return Err(nothing_in(path, what));
+        return Err(nothing_in(input.path(), what));
     }
     Ok(records)
 }

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::lines::Lines;
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
@@ -25,15 +26,16 @@ pub(crate) const MOUNTING: Kind = Kind {
 ///
 /// # Errors
 /// No `<SystemCalibration>`, or one of its six values is missing or not a finite number.
-pub fn read_mounting(path: &Path) -> Result<BodyFromScanner> {
-    let mut lines = Lines::open(path)?;
+pub fn read_mounting(input: impl Into<Input>) -> Result<BodyFromScanner> {
+    let input = &input.into();
+    let mut lines = Lines::open(input)?;
     let mut text = String::new();
     while lines.advance()? {
         text += lines.text();
         text.push('\n');
     }
     let error = |found: String, expected: &str| {
-        Error::format(path, Location::Whole, found, expected.to_owned())
+        Error::format(input.path(), Location::Whole, found, expected.to_owned())
     };
     let body = text
         .split_once(&format!("<{ROOT}"))

@@ -21,6 +21,7 @@ use std::path::Path;
 use ::parquet::errors::ParquetError;
 
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 pub(crate) use columns::Header;
 pub use extents::write_extents;
 pub(crate) use rows::Rows;
@@ -30,8 +31,8 @@ pub use write::{ParquetTable, parquet_sink};
 ///
 /// # Errors
 /// A file that is no Parquet, is damaged or encrypted.
-pub(crate) fn header(path: &Path) -> Result<Header> {
-    Ok(Rows::open(path)?.into_header())
+pub(crate) fn header(input: &Input) -> Result<Header> {
+    Ok(Rows::open(input)?.into_header())
 }
 
 /// The error of a file that the library cannot read.

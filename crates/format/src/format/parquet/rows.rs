@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
@@ -14,7 +14,8 @@ use super::columns::{Header, Value, header_of, type_of};
 use super::pages::{Pages, Pool};
 use super::{WHOLE, damaged, footer, unpack};
 use crate::error::{Error, Location, Result};
-use crate::format::file::{self, guarded};
+use crate::format::file::guarded;
+use crate::format::input::Input;
 
 /// Rows decoded at a time.
 const BATCH: usize = 4096;
@@ -55,9 +56,11 @@ impl fmt::Debug for Rows {
 
 impl Rows {
     /// Reads the footer.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (mut file, bytes) = file::open(path)?;
-        let content = guarded(path, "Parquet", || footer::read(path, &mut file, bytes))?;
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        let (mut file, bytes) = input.open_file()?;
+        let content = guarded(input.path(), "Parquet", || {
+            footer::read(input.path(), &mut file, bytes)
+        })?;
         let mut count = 0_u64;
         for group in content.row_groups() {
             let rows = u64::try_from(group.num_rows()).unwrap_or(u64::MAX);
@@ -67,11 +70,16 @@ impl Rows {
         if count > most {
             let found = format!("{count} rows in {bytes} bytes");
             let expected = format!("{most} at most");
-            return Err(Error::format(path, Location::Whole, found, expected));
+            return Err(Error::format(
+                input.path(),
+                Location::Whole,
+                found,
+                expected,
+            ));
         }
         let pages = usize::try_from(bytes).unwrap_or(usize::MAX);
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             file: Arc::new(file),
             header: header_of(&content),
             content,

@@ -137,7 +137,7 @@ fn clouds_are_read_back_bit_for_bit() {
             (1e9 + f, 0.5 * k as f32)
         );
     }
-    let mut numbers = Rows::open(&paths[0]).unwrap();
+    let mut numbers = Rows::open(&Input::from(&paths[0])).unwrap();
     numbers.select(vec![6]).unwrap();
     assert!(numbers.advance().unwrap());
     assert_eq!(numbers.cell(0), Some(4e9));

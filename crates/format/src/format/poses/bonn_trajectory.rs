@@ -3,9 +3,8 @@
 //! time (s), x y z (m), velocity (m/s, 3), roll pitch yaw (rad; R = Rz(yaw) Ry(pitch) Rx(roll)
 //! rotates from the body to the axes of x y z), accelerometer bias (m/s², 3), gyro bias (rad/s, 3).
 
-use std::path::Path;
-
 use crate::error::Result;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::poses::table::read_lines;
 use crate::format::text::lines::Lines;
@@ -27,10 +26,10 @@ const LONG: usize = 16;
 const SHORT: usize = 10;
 
 /// Reads a `.trj`; all lines must have as many numbers as the first.
-pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {
-    match first_width(path)? {
-        SHORT => read_lines::<SHORT>(path, |row, _| Ok(pose(row))),
-        _ => read_lines::<LONG>(path, |row, _| {
+pub(crate) fn read(input: &Input) -> Result<Vec<PoseRecord>> {
+    match first_width(input)? {
+        SHORT => read_lines::<SHORT>(input, |row, _| Ok(pose(row))),
+        _ => read_lines::<LONG>(input, |row, _| {
             let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
             Ok(PoseRecord {
                 bias: Some(ImuBias {
@@ -44,8 +43,8 @@ pub(crate) fn read(path: &Path) -> Result<Vec<PoseRecord>> {
 }
 
 /// The number of numbers in the first line.
-fn first_width(path: &Path) -> Result<usize> {
-    let (mut lines, mut cells) = (Lines::open(path)?, Vec::new());
+fn first_width(input: &Input) -> Result<usize> {
+    let (mut lines, mut cells) = (Lines::open(input)?, Vec::new());
     lines.next_numbers(
         &mut cells,
         |_| true,
@@ -73,7 +72,7 @@ mod tests {
         let path = folder.path().join("a.trj");
         let read = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            read(&path)
+            read(&Input::from(&path))
         };
         let short = "# time x y z\n1 2 3 4 0.1 0.2 0.3 0.4 -0.5 0.6\n";
         let found = read(short).unwrap()[0];

@@ -6,11 +6,10 @@
 //! platform heading − wander angle. Velocities are along the axes of that frame with y to the left
 //! of x and z up: v_north = v_x cos α − v_y sin α, v_east = −v_x sin α − v_y cos α.
 
-use std::path::Path;
-
 use crate::error::{Error, Location, Result};
 use crate::format::binary::{Bytes, Number};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::attitude::from_roll_pitch_heading;
 use crate::geometry::{Misfit, Projection, Vec3, WorldFromBody};
@@ -52,12 +51,12 @@ pub(crate) const SBET: Kind = Kind {
 };
 
 /// Refuses geographic poses and names the remedy; damage to the file is reported first.
-fn refuse(path: &Path) -> Result<Vec<PoseRecord>> {
-    for_each(path, |_| ())?;
+fn refuse(input: &Input) -> Result<Vec<PoseRecord>> {
+    for_each(input, |_| ())?;
     Err(Error::data(
         format!(
             "{}: SBET contains latitude, longitude and a wander azimuth, not a local frame",
-            path.display()
+            input.path().display()
         ),
         "name the projected system as `crs` in [frame] of the project",
     ))
@@ -83,16 +82,16 @@ pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
 }
 
 /// Calls `take` with every record.
-pub(crate) fn for_each(path: &Path, mut take: impl FnMut(&[f64; 17])) -> Result<()> {
-    try_for_each(path, |_, values| {
+pub(crate) fn for_each(input: &Input, mut take: impl FnMut(&[f64; 17])) -> Result<()> {
+    try_for_each(input, |_, values| {
         take(values);
         Ok(())
     })
 }
 
 /// Calls `take` with the byte offset of every record and the record, until it fails.
-fn try_for_each(path: &Path, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>) -> Result<()> {
-    let mut bytes = Bytes::open(path)?;
+fn try_for_each(input: &Input, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>) -> Result<()> {
+    let mut bytes = Bytes::open(input)?;
     let mut buffer = [0; RECORD];
     while bytes.at < bytes.total {
         let at = bytes.at;
@@ -115,11 +114,17 @@ fn try_for_each(path: &Path, mut take: impl FnMut(u64, &[f64; 17]) -> Result<()>
 /// # Errors
 /// A file that is cut off or has numbers that are not finite, times that do not increase, positions
 /// outside `system`, no records. Errors of a record name its byte.
-pub fn read_sbet(path: &Path, system: &Projection) -> Result<Vec<PoseRecord>> {
+pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<PoseRecord>> {
+    let input = &input.into();
     let mut records: Vec<PoseRecord> = Vec::new();
-    try_for_each(path, |at, values| {
+    try_for_each(input, |at, values| {
         let error = |found: String, expected: String| {
-            Err(Error::format(path, Location::Byte(at), found, expected))
+            Err(Error::format(
+                input.path(),
+                Location::Byte(at),
+                found,
+                expected,
+            ))
         };
         let time_s = values[0];
         if let Some(last) = records.last().filter(|last| time_s <= last.time_s) {
@@ -133,7 +138,7 @@ pub fn read_sbet(path: &Path, system: &Projection) -> Result<Vec<PoseRecord>> {
         Ok(())
     })?;
     if records.is_empty() {
-        Err(nothing_in(path, "pose"))
+        Err(nothing_in(input.path(), "pose"))
     } else {
         Ok(records)
     }

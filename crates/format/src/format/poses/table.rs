@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::{read_rows, write_rows};
 use crate::format::text::lines::Lines;
@@ -77,9 +78,9 @@ fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64
 const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
 
 /// Reads a native table.
-pub(crate) fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
+pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
     let mut last = f64::NEG_INFINITY;
-    read_rows::<23, _>(path, &TRAJECTORY, "pose", |row, table: &Table| {
+    read_rows::<23, _>(input, &TRAJECTORY, "pose", |row, table: &Table| {
         if row[0] <= last {
             return Err(table.error(
                 format!("time {} s after {last} s", row[0]),
@@ -109,8 +110,8 @@ pub(crate) fn read_native(path: &Path) -> Result<Vec<PoseRecord>> {
 }
 
 /// Reads `time x y z qx qy qz qw`.
-pub(crate) fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
-    read_lines::<8>(path, |row, lines| {
+pub(crate) fn read_tum(input: &Input) -> Result<Vec<PoseRecord>> {
+    read_lines::<8>(input, |row, lines| {
         let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
             lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
         })?;
@@ -126,10 +127,10 @@ pub(crate) fn read_tum(path: &Path) -> Result<Vec<PoseRecord>> {
 
 /// Reads lines of `N` numbers with `#` comments; the first number is the time.
 pub(crate) fn read_lines<const N: usize>(
-    path: &Path,
+    input: &Input,
     mut record: impl FnMut(&[f64; N], &Lines) -> Result<PoseRecord>,
 ) -> Result<Vec<PoseRecord>> {
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(input)?;
     let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
     let mut records: Vec<PoseRecord> = Vec::new();
     let expected = || format!("{N} finite numbers");
@@ -144,7 +145,7 @@ pub(crate) fn read_lines<const N: usize>(
         records.push(record(&row, &lines)?);
     }
     if records.is_empty() {
-        return Err(nothing_in(path, "pose"));
+        return Err(nothing_in(input.path(), "pose"));
     }
     Ok(records)
 }

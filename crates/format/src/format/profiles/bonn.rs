@@ -11,7 +11,8 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
-use crate::format::file::{self, CHUNK_POINTS, nothing_in};
+use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind, WholeRecord};
 use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
@@ -45,7 +46,7 @@ pub(crate) const RECORDING: Kind = Kind {
 /// Reads a recording in bounded memory.
 pub(crate) struct BonnReader {
     path: PathBuf,
-    reader: BufReader<File>,
+    reader: BufReader<Stream>,
     record: Vec<u8>,
     /// Byte offset of the record.
     start: u64,
@@ -151,10 +152,10 @@ impl Head {
 }
 
 impl BonnReader {
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (file, total) = file::open(path)?;
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        let (file, total) = input.open()?;
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
             record: Vec::new(),
             start: 0,

@@ -3,11 +3,10 @@
 //!
 //! f64 time (s); u32 n; f32 x\[n\], y\[n\], z\[n\] in the scanner frame (mm); u32 intensity\[n\].
 
-use std::path::Path;
-
 use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start, WholeRecord};
 use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
@@ -95,9 +94,9 @@ struct ProcessedReader {
 }
 
 impl ProcessedReader {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(input: &Input) -> Result<Self> {
         Ok(Self {
-            bytes: Bytes::open(path)?,
+            bytes: Bytes::open(input)?,
             record: Vec::new(),
             last_time_s: f64::NEG_INFINITY,
             empty: true,

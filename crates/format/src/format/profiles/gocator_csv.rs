@@ -31,10 +31,11 @@
 //! timestamp in Gocator CSV export file", firmware 3 and 4; `GoStamp` of the SDK 5.3); the manual gives none. If the
 //! interval of the first two profiles, read in microseconds, is a period of the trigger, microseconds are used instead.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::lines::Lines;
@@ -84,9 +85,9 @@ struct GocatorCsv {
 }
 
 impl GocatorCsv {
-    fn open(path: &Path) -> Result<Self> {
-        let mut reader = Self::at_rows(path)?.0;
-        let (mut ahead, rate_hz) = Self::at_rows(path)?;
+    fn open(input: &Input) -> Result<Self> {
+        let mut reader = Self::at_rows(input)?.0;
+        let (mut ahead, rate_hz) = Self::at_rows(input)?;
         if let Some(rate_hz) = rate_hz {
             reader.tick_s = ahead.tick_s(rate_hz)?;
         }
@@ -94,15 +95,15 @@ impl GocatorCsv {
     }
 
     /// Opens a file at the first row of its profiles; also returns the trigger rate, hertz.
-    fn at_rows(path: &Path) -> Result<(Self, Option<f64>)> {
-        let mut lines = Lines::open(path)?;
+    fn at_rows(input: &Input) -> Result<(Self, Option<f64>)> {
+        let mut lines = Lines::open(input)?;
         let mut rate_hz = None;
         let mut tilt_error = None;
         let mut block_names = Vec::new();
         loop {
             if !lines.advance()? {
                 return Err(Error::format(
-                    path,
+                    input.path(),
                     Location::Whole,
                     format!("the blocks {}", block_names.join(", ")),
                     "a block Profile or RawProfile: surfaces and ranges have no profiles with times",
@@ -118,7 +119,7 @@ impl GocatorCsv {
                     }
                     let layout = Layout::read(&mut lines, block)?;
                     let reader = Self {
-                        path: path.to_owned(),
+                        path: input.path().to_owned(),
                         lines,
                         layout,
                         tick_s: TICK_S,

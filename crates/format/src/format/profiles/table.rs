@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Result;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::TableWriter;
 use crate::format::profiles::reader::ProfileReader;
@@ -24,10 +25,10 @@ pub(crate) const PROFILE_TABLE: Kind = Kind {
 };
 
 /// Opens a native table, `time_s, x_m, z_m` and optionally `y_m`, `intensity`.
-pub(crate) fn open_table(path: &Path) -> Result<Box<dyn ProfileReader>> {
+pub(crate) fn open_table(input: &Input) -> Result<Box<dyn ProfileReader>> {
     Ok(Box::new(TableProfiles {
-        table: Table::open(path, &PROFILES)?,
-        path: path.to_owned(),
+        table: Table::open(input, &PROFILES)?,
+        path: input.path().to_owned(),
         last_time_s: f64::NEG_INFINITY,
     }))
 }

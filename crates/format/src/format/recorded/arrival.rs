@@ -1,10 +1,11 @@
-//! Times of arrival: `NAME.stamps.csv`.
+//! Arrival times: `NAME.stamps.csv`.
 
 use std::path::{Path, PathBuf};
 
 use super::clock::RecordingClock;
 use super::{GAP_INTERVALS, GAP_S, stamps_of};
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::text::table::{Columns, Table};
 use crate::statistics::median;
 
@@ -12,8 +13,8 @@ const COLUMNS: Columns<'_> = Columns {
     needed: &["bytes_before", "monotonic_s"],
     optional: &[],
 };
-/// The largest size of a piece, bytes: a recorder reads at most 64 KiB at a time, and putting a time before each line
-/// makes that at most ten times as long, where every line has one character.
+/// The largest size of a piece, bytes: a recorder reads at most 64 KiB at a time, and a time before each line makes
+/// these at most ten times longer, if every line is one character.
 const LARGEST_PIECE: u64 = 1 << 20;
 
 /// A row of the file: when a piece of a log arrived.
@@ -23,19 +24,19 @@ struct Row {
     before: u64,
     /// Seconds of the monotonic clock.
     monotonic_s: f64,
-    /// Whether it directly follows the row before it, with no damaged one between them.
+    /// Whether no damaged row lies between it and the row before.
     follows: bool,
 }
 
 impl Row {
-    /// Whether it can be the row after `last`: places and times do not go back, and the piece is not too large.
+    /// Whether it can follow the row `last`: neither position nor time goes back, and the piece is not too large.
     fn fits(&self, last: &Self) -> bool {
         let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
         self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
     }
 }
 
-/// The rows of a file, one after the other. Damaged rows are skipped, and so is a last one that a crash cut off.
+/// The rows of a file, one after the other. Damaged rows are skipped, as is a last row that a crash cut off.
 #[derive(Debug)]
 struct Rows {
     table: Table,
@@ -46,7 +47,7 @@ struct Rows {
 impl Rows {
     fn open(path: &Path) -> Result<Self> {
         Ok(Self {
-            table: Table::open(path, &COLUMNS)?,
+            table: Table::open(&Input::from(path), &COLUMNS)?,
             damaged: 0,
         })
     }
@@ -79,7 +80,7 @@ impl Rows {
 struct Piece {
     /// Bytes of the log before it.
     before: u64,
-    /// Bytes of the log up to its end; `None` where that is not known.
+    /// Bytes of the log up to its end; `None` if unknown.
     end: Option<u64>,
     /// When it arrived, common time, seconds.
     at_s: f64,
@@ -88,12 +89,12 @@ struct Piece {
 /// When the pieces of a log arrived, in their order.
 pub(super) struct Arrivals {
     pieces: Vec<Piece>,
-    /// How many rows are damaged.
+    /// Number of damaged rows.
     pub(super) damaged: usize,
 }
 
 impl Arrivals {
-    /// Reads them.
+    /// Reads all rows of a file.
     pub(super) fn read(path: &Path, clock: &RecordingClock) -> Result<Self> {
         let mut read = Rows::open(path)?;
         let mut rows = Vec::new();
@@ -104,7 +105,7 @@ impl Arrivals {
         let pairs = rows.iter().skip(1).zip(&fits);
         let damaged = read.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
         let pieces = rows.iter().enumerate().map(|(i, row)| {
-            // Where two rows do not fit together, either may be wrong, so neither may bound a piece.
+            // If two rows contradict each other, either may be wrong, so that neither may bound a piece.
             let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
             let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
             Piece {
@@ -119,15 +120,15 @@ impl Arrivals {
         })
     }
 
-    /// When the piece arrived in which a record ends; `None` where that is not known. After a crash the log may go on
-    /// after its last time of arrival, so that the end of the last piece is not known.
+    /// Arrival time of the piece in which a record ends; `None` if unknown. After a crash the log may be longer than
+    /// its arrival times say, so that the end of the last piece is unknown.
     pub(super) fn of(&self, end: u64) -> Option<f64> {
         let next = self.pieces.partition_point(|piece| piece.before < end);
         let piece = self.pieces.get(next.checked_sub(1)?)?;
         (end <= piece.end?).then_some(piece.at_s)
     }
 
-    /// How often nothing arrived for long, and the longest of these times, seconds.
+    /// Number of gaps between arrivals, and the longest gap, seconds.
     pub(super) fn gaps(&self) -> (usize, f64) {
         let known = |pair: &&[Piece]| pair[0].end.is_some();
         let pairs = self.pieces.windows(2).filter(known);
@@ -140,9 +141,9 @@ impl Arrivals {
     }
 }
 
-/// The pieces of a log in their order: how many bytes each has, and when it arrived, seconds of the monotonic clock.
-/// Where a row is damaged, its piece is joined to the one before. The last piece ends with the log, or at
-/// the largest size of a piece.
+/// The pieces of a log in their order: the number of bytes of each, and its arrival time, seconds of the monotonic
+/// clock. The piece of a damaged row is joined to the piece before. The last piece ends with the log, or at the largest
+/// size of a piece.
 pub struct Pieces {
     path: PathBuf,
     rows: Rows,
@@ -152,10 +153,10 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Opens the times of arrival of a log.
+    /// Opens the arrival times of a log.
     ///
     /// # Errors
-    /// The log or its times of arrival cannot be read.
+    /// The log or its arrival times cannot be read.
     pub fn open(log: &Path) -> Result<Self> {
         let bytes = std::fs::metadata(log)
             .map_err(|error| Error::io(log, error))?
@@ -171,10 +172,10 @@ impl Pieces {
         })
     }
 
-    /// When the last piece arrived, seconds of the monotonic clock.
+    /// Arrival time of the last piece, seconds of the monotonic clock.
     ///
     /// # Errors
-    /// See [`Self::open`].
+    /// Those of [`Self::open`].
     pub fn last_s(&self) -> Result<f64> {
         let mut rows = Rows::open(&self.path)?;
         let mut last_s = 0.0;
@@ -194,7 +195,7 @@ impl Pieces {
         self.next = self.rows.next()?;
         let end = match self.next {
             Some(next) => next.before,
-            // Whatever follows has no time of arrival.
+            // The rest of the log has no arrival time.
             None => self
                 .bytes
                 .clamp(before, before.saturating_add(LARGEST_PIECE)),

@@ -1,41 +1,42 @@
-//! The clock that stamped a recording: `clock.csv`.
+//! The clock that took the times of a recording: `clock.csv`.
 
 use std::path::Path;
 
 use crate::error::Error;
 use crate::error::{Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::text::lines::{Lines, Separator};
 
-/// The system's clock is disciplined where chrony says that it is right to this, seconds.
+/// The system's clock counts as disciplined if chrony reports at most this root mean square offset, seconds.
 const GOOD_RMS_S: f64 = 1e-3;
 
-/// What is known of the system's clock during a recording.
+/// State of the system's clock during a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingClock {
-    /// UTC at the monotonic clock's zero, as it was at the first look, seconds since 1970.
+    /// UTC at the zero of the monotonic clock according to the first check, seconds since 1970.
     pub begin_s: f64,
-    /// Looks, one a second.
+    /// Number of checks, one per second.
     pub looks: usize,
-    /// Those at which chrony answered.
+    /// Checks to which chrony answered.
     pub answered: usize,
-    /// Those at which the clock followed something.
+    /// Checks at which the clock was synchronised to a source.
     pub locked: usize,
-    /// The largest root mean square of its offsets while it did, seconds.
+    /// The largest root mean square of its offsets while it was synchronised, seconds.
     pub worst_rms_s: f64,
-    /// What it followed last.
+    /// The last source that it was synchronised to.
     pub reference: String,
-    /// By how much it was set, seconds, and when, seconds since the beginning.
+    /// Steps by which the clock was set, seconds, and their times, seconds since the beginning.
     pub steps: Vec<(f64, f64)>,
 }
 
 impl RecordingClock {
-    /// Reads `clock.csv`; a last row that a crash cut off is left out.
+    /// Reads `clock.csv`, without a last row that a crash cut off.
     ///
     /// # Errors
     /// The file cannot be read, or has no row.
     pub fn read(path: &Path) -> Result<Self> {
-        let mut lines = Lines::open(path)?;
+        let mut lines = Lines::open(&Input::from(path))?;
         let mut clock: Option<Self> = None;
         lines.next_content()?;
         while lines.next_content()? {
@@ -83,7 +84,7 @@ impl RecordingClock {
         }
     }
 
-    /// Whether UTC was right all along: it followed something well enough, and was not set.
+    /// Whether UTC was right throughout: the clock was synchronised well enough at every check, and was not set.
     pub fn is_disciplined(&self) -> bool {
         self.steps.is_empty() && self.locked == self.looks && self.worst_rms_s <= GOOD_RMS_S
     }

@@ -1,9 +1,9 @@
-//! Logs of a recording: beside `NAME.sbg`, what a sensor sent, lies `NAME.stamps.csv`, which says when each piece of it
-//! arrived, and in the same folder `clock.csv`, the state of the clock that stamped them.
+//! Logs of a recording. `NAME.sbg` holds the bytes that a sensor sent, `NAME.stamps.csv` beside it the arrival time of
+//! each piece, and `clock.csv` in the same folder the state of the clock that took these times.
 //!
-//! The common time of a recording runs evenly from its beginning, whatever happens to UTC: that of the first look at
-//! the clock, and the monotonic clock since then. A sensor's own times are kept where they are UTC and the system's
-//! clock was disciplined; else they are put on the common time by the times of arrival.
+//! The common time of a recording is UTC at the first check of the clock plus the monotonic time since then, so that it
+//! runs evenly even if UTC is set. A sensor's own times are kept if they are UTC and the system's clock was disciplined;
+//! otherwise they are converted to the common time by the arrival times.
 
 mod arrival;
 mod clock;
@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use super::detect::detect;
 use super::file::{CLOCK_LOG, is_in_recording};
+use super::input::Input;
 use super::text::table::{Columns, Table};
 use crate::error::{Error, Location, Result};
 use crate::statistics::{median, quantile};
@@ -25,12 +26,12 @@ pub use clock::RecordingClock;
 use envelope::Line;
 pub use station::{StationRow, station_rows};
 
-/// Own times that differ from those of arrival by less than this are of the same clock, seconds: a link is not later,
-/// and no other clock so near by chance.
+/// Own times that differ from the arrival times by less than this come from the same clock, seconds: no link is slower,
+/// and another clock is not so close by chance.
 const SAME_CLOCK_S: f64 = 0.25;
-/// Own times are never later than the arrival; this much is said to be noise of the clocks, seconds.
+/// A record cannot arrive before its own time; up to this difference, noise of the clocks explains it, seconds.
 const EARLY_S: f64 = 0.02;
-/// A gap is longer than so many usual intervals between arrivals, and than a second.
+/// A gap is longer than this many usual intervals between arrivals, and longer than a second.
 const GAP_INTERVALS: f64 = 10.0;
 const GAP_S: f64 = 1.0;
 const DAY_S: f64 = 86_400.0;
@@ -38,80 +39,84 @@ const DAY_S: f64 = 86_400.0;
 /// How the own times of a recorded sensor are related to the common time of its recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorClock {
-    /// Whether the sensor's own times are kept: they are UTC, and so is the common time. Its clock is then not judged.
+    /// Whether the sensor's own times are kept, because they and the common time are UTC.
     pub is_kept: bool,
     /// Common time − own time in the middle of the recording, seconds.
     pub offset_s: f64,
-    /// Seconds that the own clock loses on the common time in a second.
+    /// Seconds by which the sensor's clock falls behind the common time per second.
     pub drift: f64,
-    /// Own time in the middle of the recording, and from its first to its last record, seconds.
+    /// Own time in the middle of the recording, seconds.
     pub middle_s: f64,
-    /// See there.
+    /// Own time from the first to the last record, seconds.
     pub span_s: f64,
-    /// Half of the records arrived within so many seconds after the earliest that could be.
+    /// Median delay of the records' arrival after the earliest possible one, seconds.
     pub delay_median_s: f64,
-    /// 99.9 % of the records did.
+    /// 99.9 % quantile of this delay, seconds.
     pub delay_999_s: f64,
-    /// Arrivals that were waited for, and the longest wait.
+    /// Number of gaps between arrivals.
     pub gaps: usize,
-    /// See there, seconds.
+    /// The longest of them, seconds.
     pub longest_gap_s: f64,
-    /// Records that have a time of their own and a known time of arrival.
+    /// Records that have an own time and a known arrival time.
     pub records: usize,
-    /// Damaged rows among the times of arrival.
+    /// Damaged rows among the arrival times.
     pub damaged_arrivals: usize,
-    /// How far the log goes on after the last record with a known time of arrival, seconds of the sensor's clock: more
-    /// than a moment only after a crash.
+    /// Duration of the log after the last record with a known arrival time, seconds of the sensor's clock; it is long
+    /// only after a crash.
     pub beyond_arrivals_s: f64,
 }
 
 impl SensorClock {
-    /// Common time of an own time, seconds.
+    /// Converts an own time to the common time, seconds.
     pub fn common_s(&self, own_s: f64) -> f64 {
         own_s + self.offset_s + self.drift * (own_s - self.middle_s)
     }
 }
 
-/// Where the times of arrival of a log are kept.
+/// The path of a log's arrival times.
 pub(crate) fn stamps_of(log: &Path) -> PathBuf {
     log.with_extension("stamps.csv")
 }
 
-/// The files of a recording that are read with a log; none if it was not recorded.
+/// The files of a recording that are read with a log; none if the log is not part of a recording.
 pub(crate) fn beside(log: &Path) -> Vec<PathBuf> {
     let stamps = stamps_of(log);
     let clock = log.with_file_name(CLOCK_LOG);
-    match (stamps.is_file(), station::is_one(log)) {
+    match (stamps.is_file(), station::is_one(&log.into())) {
         (true, _) => vec![stamps, clock],
         (false, true) => vec![clock],
         _ => Vec::new(),
     }
 }
 
-/// The clock of the recording that a log belongs to; `None` if it was not recorded.
+/// The clock of the recording that a log belongs to; `None` if the log is not part of a recording.
 pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
     let clock = log.with_file_name(CLOCK_LOG);
     is_in_recording(log).then(|| RecordingClock::read(&clock))
 }
 
-/// Relates the own times of a log to the common time of the recording that it belongs to; `None` where no times of
-/// arrival lie beside it, or its records have no times.
+/// Relates the own times of a log to the common time of its recording; `None` if there are no arrival times beside the
+/// log, if its records have no times, and for an excerpt.
 ///
 /// # Errors
-/// Files that cannot be read; no record with a known time of arrival; an own clock that goes back, where its times are
-/// not kept.
-pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
+/// Files that cannot be read; no record with a known arrival time; own times that go back, unless they are kept.
+pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
+    let input = log.into();
+    if input.is_excerpt() {
+        return Ok(None);
+    }
+    let log = input.path();
     let stamps = stamps_of(log);
     if !stamps.is_file() {
-        return if station::is_one(log) {
-            Ok(station::station(log)?.map(|station| station.clock))
+        return if station::is_one(&input) {
+            Ok(station::station(&input)?.map(|station| station.clock))
         } else {
             Ok(None)
         };
     }
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG))?;
     let arrivals = Arrivals::read(&stamps, &recording)?;
-    let own = record_ends(log)?;
+    let own = record_ends(&input)?;
     let pairs: Vec<(f64, f64)> = own
         .iter()
         .filter_map(|(end, own_s)| Some((*own_s, arrivals.of(*end)?)))
@@ -143,7 +148,7 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
         damaged_arrivals: arrivals.damaged,
         beyond_arrivals_s: own_last_s - last.0,
     };
-    // Seconds of the day are those of the day on which they arrived.
+    // Seconds of the day count from the midnight before the arrival.
     let days_s = if (0.0..2.0 * DAY_S).contains(&first.0) && first.1 > 1e9 {
         DAY_S * ((first.1 - first.0) / DAY_S).round()
     } else {
@@ -181,21 +186,21 @@ pub fn sensor_clock(log: &Path) -> Result<Option<SensorClock>> {
     Ok(Some(clock))
 }
 
-/// Better times of a recorded total station's measurements, as they stand in its log and as they are to be used,
-/// seconds; empty for other logs.
+/// Corrected times of a recorded total station's measurements: the time in the log and the corrected time, seconds.
+/// Empty for other logs.
 ///
 /// # Errors
 /// Files that cannot be read.
-pub(crate) fn station_times(log: &Path) -> Result<Vec<(f64, f64)>> {
-    if station::is_one(log) {
+pub(crate) fn station_times(log: &Input) -> Result<Vec<(f64, f64)>> {
+    if !log.is_excerpt() && station::is_one(log) {
         Ok(station::station(log)?.map_or(Vec::new(), |station| station.times_s))
     } else {
         Ok(Vec::new())
     }
 }
 
-/// Where each record with a time of its own ends in a log, bytes, and that time.
-fn record_ends(log: &Path) -> Result<Vec<(u64, f64)>> {
+/// The end of each record that has an own time, bytes from the start of the log, and this time, seconds.
+fn record_ends(log: &Input) -> Result<Vec<(u64, f64)>> {
     let kind = detect(log)?.0;
     if let Some(ends) = kind.record_ends {
         return ends(log);

@@ -1,12 +1,11 @@
-//! What a total station measured in a recording: `NAME.csv` with the instrument's own times beside ours.
-
-use std::path::Path;
+//! Measurements of a recorded total station: `NAME.csv` with the instrument's own times beside the common time.
 
 use super::SensorClock;
 use super::clock::RecordingClock;
 use super::envelope::Line;
 use crate::error::Result;
 use crate::format::file::{CLOCK_LOG, is_in_recording};
+use crate::format::input::Input;
 use crate::format::text::lines::header_names;
 use crate::format::text::table::{Columns, Table};
 use crate::statistics::{median, quantile};
@@ -26,29 +25,29 @@ const COLUMNS: Columns<'_> = Columns {
 /// A distance with its angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StationRow {
-    /// Common time, from its arrival, seconds.
+    /// Common time of its arrival, seconds.
     pub time_s: f64,
     /// East, north, up in the instrument's frame, metres.
     pub position_m: [f64; 3],
-    /// When it arrived, seconds of the monotonic clock.
+    /// Arrival time, seconds of the monotonic clock.
     pub monotonic_s: f64,
-    /// Whether its angles are those at the time of the distance.
+    /// Whether angles and distance were measured at the same instant.
     pub is_synchronous: bool,
-    /// When it was measured by the instrument's clock, seconds.
+    /// Time of the measurement by the instrument's clock, seconds.
     pub instrument_time_s: Option<f64>,
 }
 
-/// Whether a log is that of a recorded total station.
-pub(super) fn is_one(log: &Path) -> bool {
-    is_in_recording(log) && header_names(log).is_ok_and(|names| COLUMNS.are_in(&names))
+/// Whether it is the log of a recorded total station.
+pub(super) fn is_one(log: &Input) -> bool {
+    is_in_recording(log.path()) && header_names(log).is_ok_and(|names| COLUMNS.are_in(&names))
 }
 
-/// Reads the rows; a last one that a crash cut off is left out.
+/// Reads the rows, without a last one that a crash cut off.
 ///
 /// # Errors
 /// The file cannot be read, or a row is damaged.
-pub fn station_rows(log: &Path) -> Result<Vec<StationRow>> {
-    let mut table = Table::open(log, &COLUMNS)?;
+pub fn station_rows(log: impl Into<Input>) -> Result<Vec<StationRow>> {
+    let mut table = Table::open(&log.into(), &COLUMNS)?;
     let (mut row, mut rows) = ([0.0; 7], Vec::new());
     while table.next_row(&mut row)? {
         let [
@@ -73,19 +72,19 @@ pub fn station_rows(log: &Path) -> Result<Vec<StationRow>> {
     Ok(rows)
 }
 
-/// How late a total station's measurements arrive, and their better times: where angles and distances are of the same
-/// instant, those of the instrument's clock, later by the shortest time that a measurement took.
+/// The delay of a total station's measurements and their corrected times. If angles and distance were measured at the
+/// same instant, this is the time of the instrument's clock plus the shortest delay of a measurement.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Station {
     pub(super) clock: SensorClock,
-    /// Time in the log and the one to use, seconds.
+    /// Time in the log and corrected time, seconds.
     pub(super) times_s: Vec<(f64, f64)>,
 }
 
-/// Relates the clock of a total station to that of the recording; `None` where it gave no times.
-pub(super) fn station(log: &Path) -> Result<Option<Station>> {
+/// Relates the clock of a total station to that of the recording; `None` if it gave no times.
+pub(super) fn station(log: &Input) -> Result<Option<Station>> {
     let rows = station_rows(log)?;
-    let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG))?;
+    let recording = RecordingClock::read(&log.path().with_file_name(CLOCK_LOG))?;
     let timed: Vec<(f64, &StationRow)> = rows
         .iter()
         .filter_map(|row| Some((row.instrument_time_s?, row)))

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::Path;
 
 use super::cdr::Cdr;
 use super::records::{Channel, Cursor, Kind, Record, Span, TypeName, short_type};
@@ -10,6 +9,7 @@ use super::ros1::Ros1;
 use super::walk::Walk;
 use super::wire::{Decoded, Encoding, Fault, Message};
 use crate::error::{Error, Result};
+use crate::format::input::Input;
 
 /// Largest accepted number of channels; a larger one is damage.
 const MOST_CHANNELS: usize = 1 << 16;
@@ -32,11 +32,11 @@ pub(crate) struct Topic {
 }
 
 /// Lists the topics of a bag by name.
-pub(super) fn topics(path: &Path) -> Result<Vec<Topic>> {
-    if let Some(directory) = Directory::from_indices(path)? {
+pub(super) fn topics(input: &Input) -> Result<Vec<Topic>> {
+    if let Some(directory) = Directory::from_indices(input)? {
         return Ok(directory.topics());
     }
-    Ok(Directory::from_messages(path)?.topics())
+    Ok(Directory::from_messages(input)?.topics())
 }
 
 /// The channels and schemas of a bag.
@@ -49,8 +49,8 @@ struct Directory {
 
 impl Directory {
     /// Reads the indices after the chunks without unpacking the chunks; `None` if the indices are incomplete.
-    fn from_indices(path: &Path) -> Result<Option<Self>> {
-        let mut walk = Walk::open(path)?;
+    fn from_indices(input: &Input) -> Result<Option<Self>> {
+        let mut walk = Walk::open(input)?;
         let mut directory = Self::default();
         let mut is_index_due = false;
         let wanted = [Kind::Schema, Kind::Channel, Kind::Message, Kind::Index];
@@ -75,8 +75,8 @@ impl Directory {
     }
 
     /// Reads every record.
-    fn from_messages(path: &Path) -> Result<Self> {
-        let mut walk = Walk::open(path)?;
+    fn from_messages(input: &Input) -> Result<Self> {
+        let mut walk = Walk::open(input)?;
         let mut directory = Self::default();
         let mut block = Vec::new();
         let wanted = [Kind::Schema, Kind::Channel, Kind::Message];
@@ -173,9 +173,9 @@ pub(super) struct Messages {
 
 impl Messages {
     /// Opens a bag before the first message of a topic.
-    pub(super) fn open(path: &Path, topic: Topic) -> Result<Self> {
+    pub(super) fn open(input: &Input, topic: Topic) -> Result<Self> {
         Ok(Self {
-            walk: Walk::open(path)?,
+            walk: Walk::open(input)?,
             topic,
             block: Vec::new(),
             at: 0,

@@ -56,11 +56,12 @@ fn damage(bytes: &mut Vec<u8>, dice: &mut Dice) {
 
 /// Calls every reader; returns whether any succeeded.
 fn read_everything(path: &Path) -> bool {
-    let mut success = topics(path).is_ok();
-    success |= read_imu(path, None).is_ok();
-    success |= read_fixes(path, None).is_ok();
+    let input = &Input::from(path);
+    let mut success = topics(input).is_ok();
+    success |= read_imu(input, None).is_ok();
+    success |= read_fixes(input, None).is_ok();
     for topic in ["/odom", "/pose_cov", "/transform", "/pose"] {
-        success |= read_poses(path, Some(topic)).is_ok();
+        success |= read_poses(input, Some(topic)).is_ok();
     }
     for topic in ["/scan", "/ouster", "/velodyne", "/livox", "/hesai"] {
         success |= points_of(path, topic).is_ok();
@@ -102,11 +103,11 @@ fn a_truncated_bag_is_read_up_to_its_last_complete_message() {
     let path = dir.path().join("cut");
     for name in SAMPLES {
         let whole = std::fs::read(sample(name)).unwrap();
-        let all = read_imu(&sample(name), None).unwrap();
+        let all = read_imu(&Input::from(&sample(name)), None).unwrap();
         let mut last = 0;
         for length in (1..whole.len()).step_by(97) {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let Ok(found) = read_imu(&path, None) else {
+            let Ok(found) = read_imu(&Input::from(&path), None) else {
                 assert_eq!(last, 0, "{name}, {length} bytes");
                 continue;
             };
@@ -150,13 +151,17 @@ fn an_open_recording_of_ros_1_is_read() {
         bytes.truncate(u64::from_le_bytes(index.try_into().unwrap()) as usize);
         let (head, data) = last_chunk(&bytes);
         std::fs::write(&path, &bytes[..head - 4]).unwrap();
-        let before = read_imu(&path, None).map_or(0, |samples| samples.len());
+        let before = read_imu(&Input::from(&path), None).map_or(0, |samples| samples.len());
         assert!(before < 12, "{name}");
 
         zero(&mut bytes[head..data], b"size=", 4);
         bytes[data - 4..data].fill(0);
         std::fs::write(&path, &bytes).unwrap();
-        assert_eq!(read_imu(&path, None).unwrap().len(), 12, "{name}");
+        assert_eq!(
+            read_imu(&Input::from(&path), None).unwrap().len(),
+            12,
+            "{name}"
+        );
     }
 }
 
@@ -168,7 +173,7 @@ fn damage_in_a_complete_bag_is_reported_with_its_byte() {
     // This byte is in the first chunk, whose checksum is then wrong.
     bytes[2000] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
-    let text = read_imu(&path, None).unwrap_err().to_string();
+    let text = read_imu(&Input::from(&path), None).unwrap_err().to_string();
     assert!(
         text.contains("checksum") && text.contains(", byte "),
         "{text}"
@@ -187,7 +192,7 @@ fn a_damaged_packed_chunk_is_reported_with_its_byte() {
         let mut bytes = whole.clone();
         bytes[at] ^= 4;
         std::fs::write(&path, &bytes).unwrap();
-        let text = read_imu(&path, None).unwrap_err().to_string();
+        let text = read_imu(&Input::from(&path), None).unwrap_err().to_string();
         assert!(
             text.contains("found a chunk that cannot be unpacked (bzip2: ")
                 && text.contains(", byte "),
@@ -226,11 +231,11 @@ fn small_chunks_that_unpack_to_many_bytes_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
     std::fs::write(&path, file(40, 2)).unwrap();
-    assert!(topics(&path).unwrap().is_empty());
+    assert!(topics(&Input::from(&path)).unwrap().is_empty());
     std::fs::write(&path, file(120, 20)).unwrap();
-    let text = topics(&path).unwrap_err().to_string();
+    let text = topics(&Input::from(&path)).unwrap_err().to_string();
     assert!(text.contains("chunks that unpack to"), "{text}");
     std::fs::write(&path, file(800, 1)).unwrap();
-    let text = topics(&path).unwrap_err().to_string();
+    let text = topics(&Input::from(&path)).unwrap_err().to_string();
     assert!(text.contains("found a chunk of 104857609 bytes"), "{text}");
 }

@@ -1,13 +1,12 @@
 //! The frames of the messages of a recording, named in their headers.
 
-use std::path::Path;
-
 use super::bag::{Messages, Topic, topics};
 use super::messages::{Imu, NavSatFix, ODOMETRY, TRANSFORM};
 use super::wire::{Decoded, Message, Wire};
 use super::{POSES, points};
 use crate::error::Result;
 use crate::format::file::Part;
+use crate::format::input::Input;
 
 /// Most topics whose frames are looked up, and most characters of a name that are shown.
 const MOST_TOPICS: usize = 20;
@@ -46,8 +45,8 @@ impl<'a> Message<'a> for InHeaderAndChild {
 }
 
 /// The frame of the first message of a topic; `None` if it cannot be read.
-fn frame_of(path: &Path, topic: &Topic) -> Option<String> {
-    let mut messages = Messages::open(path, topic.clone()).ok()?;
+fn frame_of(input: &Input, topic: &Topic) -> Option<String> {
+    let mut messages = Messages::open(input, topic.clone()).ok()?;
     if !messages.advance().ok()? {
         return None;
     }
@@ -59,8 +58,9 @@ fn frame_of(path: &Path, topic: &Topic) -> Option<String> {
 }
 
 /// Units and frames of the topic named after the file, or of all topics that can be read.
-pub(super) fn describe(path: &Path) -> Result<String> {
-    let part = Part::of(path);
+pub(super) fn describe(input: &Input) -> Result<String> {
+    let part = Part::of(input.path());
+    let file = Input::from(&part.file);
     let bare = |name: &str| name.trim_start_matches('/').to_owned();
     let is_read = |topic: &Topic| {
         let types = [&Imu::TYPES[..], &NavSatFix::TYPES, &points::TYPES, &POSES];
@@ -73,10 +73,10 @@ pub(super) fn describe(path: &Path) -> Result<String> {
                 .as_ref()
                 .is_none_or(|name| bare(name) == bare(&topic.name))
     };
-    let topics: Vec<Topic> = topics(&part.file)?.into_iter().filter(is_read).collect();
+    let topics: Vec<Topic> = topics(&file)?.into_iter().filter(is_read).collect();
     let mut frames: Vec<(String, &Topic, usize)> = Vec::new();
     for topic in topics.iter().take(MOST_TOPICS) {
-        let Some(frame) = frame_of(&part.file, topic) else {
+        let Some(frame) = frame_of(&file, topic) else {
             continue;
         };
         match frames.iter_mut().find(|(other, ..)| *other == frame) {
@@ -104,7 +104,7 @@ pub(super) fn describe(path: &Path) -> Result<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::path::Path;
 
     /// The frames that `tests/data/ros/make.py` wrote.
     #[test]

@@ -23,11 +23,10 @@ mod damage_tests;
 #[cfg(test)]
 mod tests;
 
-use std::path::Path;
-
-use super::file::{Part, nothing_in};
+use super::file::{Part, file_of, nothing_in};
 use super::kind::{Frame, Kind};
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::{GeographicFix, ImuSample, PoseRecord};
 use bag::Messages;
@@ -39,20 +38,26 @@ use messages::{
 
 pub(crate) const BAG: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
-    imu: Some(|path| of_part(path, read_imu)),
-    geographic: Some(|path| of_part(path, read_fixes)),
-    poses: Some(|path| of_part(path, read_poses)),
-    profiles: Some(|path| of_part(path, open_points)),
-    contents: Some(|path| Ok(format!("topics: {}", list(&topics(&Part::of(path).file)?)))),
+    imu: Some(|input| of_part(input, read_imu)),
+    geographic: Some(|input| of_part(input, read_fixes)),
+    poses: Some(|input| of_part(input, read_poses)),
+    profiles: Some(|input| of_part(input, open_points)),
+    contents: Some(|input| {
+        let file = Input::from(&file_of(input.path()));
+        Ok(format!("topics: {}", list(&topics(&file)?)))
+    }),
     note: "if there are several topics, name one after the file: `drive.mcap#/topic`",
     frame: Frame::OfFile(frames::describe),
     ..Kind::new("ros-bag", "recording (ROS bag or MCAP)")
 };
 
 /// Reads the topic that is named after the file, or the only topic of a fitting type.
-fn of_part<T>(path: &Path, read: fn(&Path, Option<&str>) -> Result<T>) -> Result<T> {
-    let part = Part::of(path);
-    read(&part.file, part.name.as_deref())
+fn of_part<T>(input: &Input, read: fn(&Input, Option<&str>) -> Result<T>) -> Result<T> {
+    let part = Part::of(input.path());
+    match part.name {
+        Some(name) => read(&Input::from(&part.file), Some(&name)),
+        None => read(input, None),
+    }
 }
 
 /// The message types with poses.
@@ -68,8 +73,8 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
 ///
 /// # Errors
 /// A file that is missing, of another format, or damaged.
-pub(crate) fn topics(path: &Path) -> Result<Vec<Topic>> {
-    bag::topics(path)
+pub(crate) fn topics(input: &Input) -> Result<Vec<Topic>> {
+    bag::topics(input)
 }
 
 /// Reads the samples of a topic of `sensor_msgs/Imu` in the order of the file: angular rate and
@@ -77,9 +82,9 @@ pub(crate) fn topics(path: &Path) -> Result<Vec<Topic>> {
 ///
 /// # Errors
 /// Those of [`topics`]; no such topic or several; a message that is damaged or lacks one of both sensors.
-pub(crate) fn read_imu(path: &Path, topic: Option<&str>) -> Result<Vec<ImuSample>> {
-    let topic = choose(path, topic, &Imu::TYPES, "IMU samples")?;
-    read_all(path, topic, "IMU sample", |messages| {
+pub(crate) fn read_imu(input: &Input, topic: Option<&str>) -> Result<Vec<ImuSample>> {
+    let topic = choose(input, topic, &Imu::TYPES, "IMU samples")?;
+    read_all(input, topic, "IMU sample", |messages| {
         messages.read(|imu: Imu| Ok(Some(imu.sample())))
     })
 }
@@ -91,11 +96,11 @@ pub(crate) fn read_imu(path: &Path, topic: Option<&str>) -> Result<Vec<ImuSample
 ///
 /// # Errors
 /// Those of [`read_imu`]; times that do not increase; a quaternion whose length is not 1.
-pub(crate) fn read_poses(path: &Path, topic: Option<&str>) -> Result<Vec<PoseRecord>> {
-    let topic = choose(path, topic, &POSES, "poses")?;
+pub(crate) fn read_poses(input: &Input, topic: Option<&str>) -> Result<Vec<PoseRecord>> {
+    let topic = choose(input, topic, &POSES, "poses")?;
     let message_type = topic.message_type.clone();
     let mut last_s = f64::NEG_INFINITY;
-    read_all(path, topic, "pose", |messages| {
+    read_all(input, topic, "pose", |messages| {
         let pose = match message_type.as_str() {
             ODOMETRY => messages.read(|m: Odometry| m.0.pose()),
             POSE => messages.read(|m: PoseStamped| m.0.pose()),
@@ -116,9 +121,9 @@ pub(crate) fn read_poses(path: &Path, topic: Option<&str>) -> Result<Vec<PoseRec
 ///
 /// # Errors
 /// Those of [`read_imu`].
-pub(crate) fn read_fixes(path: &Path, topic: Option<&str>) -> Result<Vec<GeographicFix>> {
-    let topic = choose(path, topic, &NavSatFix::TYPES, "GNSS fixes")?;
-    read_all(path, topic, "GNSS fix", |messages| {
+pub(crate) fn read_fixes(input: &Input, topic: Option<&str>) -> Result<Vec<GeographicFix>> {
+    let topic = choose(input, topic, &NavSatFix::TYPES, "GNSS fixes")?;
+    read_all(input, topic, "GNSS fix", |messages| {
         messages.read(|fix: NavSatFix| Ok(fix.0))
     })
 }
@@ -129,38 +134,43 @@ pub(crate) fn read_fixes(path: &Path, topic: Option<&str>) -> Result<Vec<Geograp
 ///
 /// # Errors
 /// Those of [`topics`]; no such topic or several.
-pub(crate) fn open_points(path: &Path, topic: Option<&str>) -> Result<Box<dyn ProfileReader>> {
-    let topic = choose(path, topic, &points::TYPES, "points")?;
-    Ok(Box::new(points::BagPoints::open(path, topic)?))
+pub(crate) fn open_points(input: &Input, topic: Option<&str>) -> Result<Box<dyn ProfileReader>> {
+    let topic = choose(input, topic, &points::TYPES, "points")?;
+    Ok(Box::new(points::BagPoints::open(input, topic)?))
 }
 
 /// Reads every message of a topic; `what` names one record.
 fn read_all<T>(
-    path: &Path,
+    input: &Input,
     topic: Topic,
     what: &str,
     mut record: impl FnMut(&Messages) -> Result<Option<T>>,
 ) -> Result<Vec<T>> {
     let what = format!("{what} in {}", topic.name);
-    let mut messages = Messages::open(path, topic)?;
+    let mut messages = Messages::open(input, topic)?;
     let mut records = Vec::new();
     while messages.advance()? {
         records.extend(record(&messages)?);
     }
     if records.is_empty() {
-        return Err(nothing_in(path, &what));
+        return Err(nothing_in(input.path(), &what));
     }
     Ok(records)
 }
 
 /// The topic called `wanted`, with or without the slash before its name, or the only topic of these
 /// `types` that has messages.
-fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
-    let topics = topics(path)?;
+fn choose(input: &Input, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
+    let topics = topics(input)?;
     let fits = |topic: &Topic| types.contains(&topic.message_type.as_str());
     let bare = |name: &str| name.trim_start_matches('/').to_owned();
     let refused = |found: String, expected: String| {
-        Err(Error::format(path, Location::Whole, found, expected))
+        Err(Error::format(
+            input.path(),
+            Location::Whole,
+            found,
+            expected,
+        ))
     };
     let expected = format!("a topic with {what} ({})", types.join(", "));
     let is_named = |topic: &Topic| wanted.is_none_or(|name| bare(name) == bare(&topic.name));
@@ -186,7 +196,7 @@ fn choose(path: &Path, wanted: Option<&str>, types: &[&str], what: &str) -> Resu
             ),
             format!(
                 "the name of one topic after the file: `{}#{}`",
-                path.display(),
+                input.path().display(),
                 several[0].name
             ),
         ),

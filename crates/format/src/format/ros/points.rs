@@ -1,12 +1,11 @@
 //! The points of a topic as a scanner recording.
 
-use std::path::Path;
-
 use super::bag::{Messages, Topic};
 use super::messages::{LaserScan, PointCloud2};
 use super::wire::Fault;
 use crate::error::Result;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::ScanPoint;
 
@@ -33,9 +32,9 @@ pub(super) struct BagPoints {
 
 impl BagPoints {
     /// Opens a topic of one of the [`TYPES`].
-    pub(super) fn open(path: &Path, topic: Topic) -> Result<Self> {
+    pub(super) fn open(input: &Input, topic: Topic) -> Result<Self> {
         Ok(Self {
-            messages: Messages::open(path, topic)?,
+            messages: Messages::open(input, topic)?,
             waiting: Vec::new(),
             returned: 0,
             due: 0,
@@ -157,7 +156,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.mcap");
         std::fs::write(&path, file).unwrap();
-        let mut reader = open_points(&path, None)?;
+        let mut reader = open_points(&Input::from(&path), None)?;
         let (mut times_s, mut chunk) = (Vec::new(), Vec::new());
         while reader.next_chunk(&mut chunk)? {
             times_s.extend(chunk.iter().map(|p| p.time_s));

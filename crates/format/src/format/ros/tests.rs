@@ -32,7 +32,7 @@ pub(super) fn sample(name: &str) -> PathBuf {
 }
 
 pub(super) fn points_of(path: &Path, topic: &str) -> Result<Vec<ScanPoint>> {
-    let mut reader = open_points(path, Some(topic))?;
+    let mut reader = open_points(&Input::from(path), Some(topic))?;
     let (mut all, mut chunk) = (Vec::new(), Vec::new());
     while reader.next_chunk(&mut chunk)? {
         all.append(&mut chunk);
@@ -56,7 +56,7 @@ fn assert_near(time_s: f64, expected_s: f64) {
 #[test]
 fn the_topics_are_listed() {
     for name in SAMPLES {
-        let topics = topics(&sample(name)).unwrap();
+        let topics = topics(&Input::from(&sample(name))).unwrap();
         let listed: Vec<_> = topics
             .iter()
             .map(|t| (t.name.as_str(), t.message_type.as_str(), t.count))
@@ -87,7 +87,7 @@ fn the_topics_are_listed() {
 #[test]
 fn imu_samples_are_exact() {
     for name in SAMPLES {
-        let samples = read_imu(&sample(name), None).unwrap();
+        let samples = read_imu(&Input::from(&sample(name)), None).unwrap();
         assert_eq!(samples.len(), 12, "{name}");
         for (i, sample) in samples.iter().enumerate() {
             let x = i as f64;
@@ -102,7 +102,7 @@ fn imu_samples_are_exact() {
 fn poses_are_exact_and_have_sigmas_where_the_covariance_is_given() {
     for name in SAMPLES {
         for topic in ["/odom", "pose", "/pose_cov", "/transform"] {
-            let poses = read_poses(&sample(name), Some(topic)).unwrap();
+            let poses = read_poses(&Input::from(&sample(name)), Some(topic)).unwrap();
             assert_eq!(poses.len(), 12, "{name}");
             for (i, pose) in poses.iter().enumerate() {
                 let x = i as f64;
@@ -125,7 +125,7 @@ fn poses_are_exact_and_have_sigmas_where_the_covariance_is_given() {
 #[test]
 fn fixes_are_exact_and_messages_without_a_fix_are_skipped() {
     for name in SAMPLES {
-        let fixes = read_fixes(&sample(name), None).unwrap();
+        let fixes = read_fixes(&Input::from(&sample(name)), None).unwrap();
         assert_eq!(fixes.len(), 11, "{name}");
         for (fix, i) in fixes.iter().zip(1..) {
             let x = i as f64;
@@ -204,16 +204,16 @@ fn a_laser_scan_is_in_the_x_y_plane() {
 fn a_choice_between_several_topics_is_left_to_the_caller() {
     let path = sample("zstd.mcap");
     let message = |error: Error| error.to_string();
-    let text = message(read_poses(&path, None).unwrap_err());
+    let text = message(read_poses(&Input::from(&path), None).unwrap_err());
     assert!(
         text.contains("4 topics with poses: /odom (nav_msgs/Odometry, 12"),
         "{text}"
     );
-    let text = message(read_imu(&path, Some("/gyro")).unwrap_err());
+    let text = message(read_imu(&Input::from(&path), Some("/gyro")).unwrap_err());
     assert!(text.contains("no topic `/gyro` among /fix"), "{text}");
-    let text = message(read_imu(&path, Some("/odom")).unwrap_err());
+    let text = message(read_imu(&Input::from(&path), Some("/odom")).unwrap_err());
     assert!(text.contains("found /odom (nav_msgs/Odometry") && text.contains("sensor_msgs/Imu"));
-    let text = message(open_points(&path, None).err().unwrap());
+    let text = message(open_points(&Input::from(&path), None).err().unwrap());
     assert!(text.contains("7 topics with points: /hesai"), "{text}");
 }
 
@@ -226,7 +226,7 @@ fn both_versions_of_bags_are_detected_by_their_first_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.bag");
     std::fs::write(&path, b"#ROSBAG V1.2\n1234").unwrap();
-    let text = topics(&path).unwrap_err().to_string();
+    let text = topics(&Input::from(&path)).unwrap_err().to_string();
     assert!(
         text.contains("\"#ROSBAG V1.2\"") && text.contains("version 2.0"),
         "{text}"

@@ -1,13 +1,12 @@
 //! The records of a bag, one after another from the start of the file.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::records::{Cursor, Kind, Raw, Record};
 use super::{mcap, rosbag};
 use crate::error::{Error, Location, Result};
-use crate::format::file;
+use crate::format::input::{Input, Stream};
 
 /// Allocations never exceed four times the size of the file plus this, bytes.
 const SPARE_BYTES: u64 = 16 << 20;
@@ -47,7 +46,7 @@ impl Container {
 /// A bag being read.
 pub(super) struct Walk {
     path: PathBuf,
-    reader: BufReader<File>,
+    reader: BufReader<Stream>,
     /// Its kind.
     pub(super) container: Container,
     /// Start of the record of the last step, bytes.
@@ -73,9 +72,9 @@ pub(super) struct Walk {
 
 impl Walk {
     /// Opens a file at its first record.
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        let (mut file, total) = file::open(path)?;
-        let start = file::first_bytes(path, &mut file)?;
+    pub(super) fn open(input: &Input) -> Result<Self> {
+        let (file, total) = input.open()?;
+        let start = input.start()?;
         let container = if start.starts_with(mcap::MAGIC) {
             Container::Mcap
         } else if start.starts_with(rosbag::MAGIC) {
@@ -83,14 +82,14 @@ impl Walk {
         } else {
             let first = String::from_utf8_lossy(&start[..start.len().min(13)]);
             return Err(Error::format(
-                path,
+                input.path(),
                 Location::Byte(0),
                 format!("{:?}", first.trim_end()),
                 "an MCAP file, or a ROS 1 bag of version 2.0",
             ));
         };
         let mut walk = Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
             container,
             start: 0,

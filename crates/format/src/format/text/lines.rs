@@ -1,11 +1,11 @@
 //! The lines of text files, and numbers between commas, semicolons or white space.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::error::{Error, Location, Result};
-use crate::format::file;
+use crate::format::file::is_in_recording;
+use crate::format::input::{Input, Stream};
 use crate::format::parquet;
 
 /// Lines of this many bytes do not belong to a table; the limit keeps binary files from filling the memory.
@@ -17,7 +17,7 @@ pub(crate) const MOST_COLUMNS: usize = 1024;
 #[derive(Debug)]
 pub(crate) struct Lines {
     path: PathBuf,
-    reader: BufReader<File>,
+    reader: BufReader<Stream>,
     line: Vec<u8>,
     number: u64,
     bytes: u64,
@@ -27,17 +27,17 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let (file, total) = file::open(path)?;
+    pub(crate) fn open(input: &Input) -> Result<Self> {
+        let (file, total) = input.open()?;
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
             line: Vec::new(),
             number: 0,
             bytes: 0,
             total,
             // A recording may have ended in the middle of a line when the power failed.
-            complete_only: file::is_in_recording(path),
+            complete_only: is_in_recording(input.path()),
         })
     }
 
@@ -201,11 +201,11 @@ pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
 
 /// The names in the header of a table, which is the first line that is neither empty nor a comment, or the
 /// last comment before numbers; or the column names of a Parquet file.
-pub(crate) fn header_names(path: &Path) -> Result<Vec<String>> {
-    if file::is_parquet(path) {
-        return Ok(parquet::header(path)?.names);
+pub(crate) fn header_names(input: &Input) -> Result<Vec<String>> {
+    if input.is_parquet() {
+        return Ok(parquet::header(input)?.names);
     }
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(input)?;
     let mut comment = Vec::new();
     while lines.advance()? {
         let text = lines.text();

@@ -1,6 +1,8 @@
 //! Text: lines, tables, units, dates.
 
 pub(super) mod civil;
+pub(super) mod growing;
 pub(super) mod lines;
 pub(super) mod table;
 pub(super) mod unit;
+pub(super) mod whole_lines;

@@ -1,10 +1,8 @@
 //! Tables with columns in any order, identified by names with units. A table is either text with a header, `#`
 //! comments, and numbers separated by commas, semicolons or white space; or Parquet.
 
-use std::path::Path;
-
 use crate::error::{Error, Location, Result};
-use crate::format::file::is_parquet;
+use crate::format::input::Input;
 use crate::format::parquet::Rows;
 use crate::format::text::lines::{Lines, MOST_COLUMNS, Separator, numbers};
 use crate::format::text::unit::factor;
@@ -72,17 +70,17 @@ pub(crate) struct Table {
 impl Table {
     /// Opens a table and looks up the wanted columns in its header. A comment counts as the header
     /// if it names the needed columns and numbers follow.
-    pub(crate) fn open(path: &Path, columns: &Columns<'_>) -> Result<Self> {
-        if is_parquet(path) {
-            return Self::open_parquet(path, columns);
+    pub(crate) fn open(input: &Input, columns: &Columns<'_>) -> Result<Self> {
+        if input.is_parquet() {
+            return Self::open_parquet(input, columns);
         }
-        let mut lines = Lines::open(path)?;
+        let mut lines = Lines::open(input)?;
         let mut comment: Option<Vec<String>> = None;
         let mut cells = Vec::new();
         loop {
             if !lines.advance()? {
                 return Err(Error::format(
-                    path,
+                    input.path(),
                     Location::Whole,
                     "no header",
                     columns.describe(),
@@ -126,8 +124,8 @@ impl Table {
         }
     }
 
-    fn open_parquet(path: &Path, columns: &Columns<'_>) -> Result<Self> {
-        let mut rows = Rows::open(path)?;
+    fn open_parquet(input: &Input, columns: &Columns<'_>) -> Result<Self> {
+        let mut rows = Rows::open(input)?;
         let names = rows.names().to_vec();
         let slots = match_columns(&names, columns, |found, wanted| rows.error(found, wanted))?;
         rows.select((0..slots.len()).filter(|i| slots[*i].is_some()).collect())?;
@@ -336,7 +334,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.csv");
         std::fs::write(&path, text).unwrap();
-        let mut table = Table::open(&path, &COLUMNS)?;
+        let mut table = Table::open(&Input::from(&path), &COLUMNS)?;
         let mut rows = Vec::new();
         let mut row = [0.0; 3];
         while table.next_row(&mut row)? {

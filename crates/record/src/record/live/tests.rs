@@ -104,12 +104,6 @@ impl Drive {
     }
 }
 
-impl Drop for Drive {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.live.scratch);
-    }
-}
-
 #[test]
 fn the_live_pose_uses_the_time_offsets_of_the_project() {
     let mut drive = Drive::new([0.05, 0.1]);

@@ -15,9 +15,8 @@ struct Growing {
 impl Growing {
     fn new(name: &'static str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("scratch")).unwrap();
         let log = folder.path().join(name);
-        let tail = Tail::new(&log, &folder.path().join("scratch").join("part"));
+        let tail = Tail::new(&log);
         fs::write(log, "").unwrap();
         Self { folder, tail, name }
     }
@@ -26,10 +25,11 @@ impl Growing {
         let log = self.folder.path().join(self.name);
         let mut log = OpenOptions::new().append(true).open(log).unwrap();
         log.write_all(new.as_bytes()).unwrap();
-        self.tail
-            .next(common_s, format::read_heading, |fix: &mut HeadingFix| {
-                &mut fix.time_s
-            })
+        self.tail.next(common_s, |rows, clock| {
+            let mut fixes = format::read_heading(rows)?;
+            clock.put_on_common_time(&mut fixes);
+            Ok(fixes)
+        })
     }
 }
 

@@ -11,6 +11,7 @@ use super::octree::{Cell, Cube, Keyed, divide};
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
+use crate::format::input::Input;
 use crate::format::las::chunks;
 use crate::format::las::file::LasFile;
 use crate::format::las::points::{las_count, read_las, stream_las};
@@ -163,7 +164,7 @@ fn the_reader_of_las_returns_all_points() {
     // More points than one thread decodes at a time, in chunks of different sizes.
     let points = cloud(1_200_000);
     write(&path, &points, CloudClock::AdjustedGps);
-    let cloud = read_las(&path).unwrap();
+    let cloud = read_las(&Input::from(&path)).unwrap();
     assert_eq!(cloud.points.len(), points.len());
     let mut seen = vec![false; points.len()];
     for (p, time_s) in cloud.points.iter().zip(&cloud.time_s) {
@@ -226,7 +227,7 @@ fn write_cells(path: &Path, sizes: &[usize]) {
 fn read_in_order(path: &Path) -> Result<PointCloud> {
     las_count(path)?;
     let mut cloud = PointCloud::default();
-    let mut file = LasFile::reopen(path)?;
+    let mut file = LasFile::reopen(&Input::from(path))?;
     while file.read(7, |_, point| {
         cloud.points.push(point.position);
         cloud.intensity.push(point.intensity);
@@ -243,9 +244,9 @@ fn chunks_give_the_same_points_in_parallel_and_in_order() {
     let path = dir.path().join("a.copc.laz");
     for sizes in [&[1][..], &[5], &[3, 50, 1, 20], &[100, 1, 1, 99, 300]] {
         write_cells(&path, sizes);
-        let file = LasFile::open(&path).unwrap();
-        assert!(chunks::check(&path, file.header(), file.bytes_total()).unwrap());
-        let found = read_las(&path).unwrap();
+        let file = LasFile::open(&Input::from(&path)).unwrap();
+        assert!(chunks::check(&Input::from(&path), file.header(), file.bytes_total()).unwrap());
+        let found = read_las(&Input::from(&path)).unwrap();
         assert_eq!(found.points.len(), sizes.iter().sum::<usize>());
         assert!(found.time_s.iter().enumerate().all(|(i, t)| *t == i as f64));
         assert_eq!(found, read_in_order(&path).unwrap());
@@ -260,7 +261,7 @@ fn damaged_chunks_give_the_same_points_in_parallel_and_in_order() {
     let valid = std::fs::read(&path).unwrap();
     let mut read = 0;
     for_each_damaged(&path, &valid, 2000, || {
-        match (read_las(&path), read_in_order(&path)) {
+        match (read_las(&Input::from(&path)), read_in_order(&path)) {
             (Ok(found), Ok(expected)) => {
                 assert_eq!(found.points, expected.points);
                 assert_eq!(found.intensity, expected.intensity);
@@ -293,11 +294,17 @@ fn points_at_one_place_are_one_cell() {
     let path = dir.path().join("a.copc.laz");
     let mut points = vec![Vec3::new(1.0, 2.0, 3.0); 250_000];
     write(&path, &points, CloudClock::Unknown);
-    assert_eq!(read_las(&path).unwrap().points.len(), points.len());
+    assert_eq!(
+        read_las(&Input::from(&path)).unwrap().points.len(),
+        points.len()
+    );
     // One distant point makes as many levels as a key has bits per axis.
     points.push(Vec3::new(1.0, 2.0, 700.0));
     write(&path, &points, CloudClock::Unknown);
-    assert_eq!(read_las(&path).unwrap().points.len(), points.len());
+    assert_eq!(
+        read_las(&Input::from(&path)).unwrap().points.len(),
+        points.len()
+    );
     let reader = CopcReader::from_path(&path).unwrap();
     let total: i32 = reader.hierarchy_entries().map(|e| e.point_count).sum();
     assert_eq!(total as usize, points.len());

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::dimension::{self, ExtraDimension, Retained, Row};
 use crate::error::{Error, Location, Result};
-use crate::format::file::{CHUNK_POINTS, nothing_in, open};
+use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::Input;
 use crate::format::las::batches::{LasOut, is_compressed};
 use crate::format::las::file::LasFile;
 use crate::output::protect_inputs;
@@ -34,7 +35,7 @@ pub fn copy_las(
 ) -> Result<u64> {
     dimension::check(output, dimensions)?;
     protect_inputs(Path::new(""), &[input.to_owned()], &[output])?;
-    let mut file = LasFile::open(input)?;
+    let mut file = LasFile::open(&Input::from(input))?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();
     if format.has_waveform {
@@ -137,7 +138,7 @@ fn evlrs(file: &LasFile) -> Result<Vec<las::Vlr>> {
     if file.header().evlrs().is_empty() {
         return Ok(Vec::new());
     }
-    let (mut input, size) = open(path)?;
+    let (mut input, size) = file.input().open()?;
     let damaged = |at: u64| {
         Error::format(
             path,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::*;
 use crate::cloud::PointCloud;
+use crate::format::input::Input;
 use crate::format::las::columns::extra_names;
 use crate::format::las::file::LasFile;
 use crate::format::read_cloud;
@@ -40,7 +41,7 @@ fn fill(index: u64, values: &mut [f64]) {
 
 /// Standard bytes and extra bytes of every point.
 fn records(path: &Path) -> Vec<(Vec<u8>, Vec<u8>)> {
-    let mut file = LasFile::open(path).unwrap();
+    let mut file = LasFile::open(&Input::from(path)).unwrap();
     let mut records = Vec::new();
     while file
         .read(7, |_, point| {
@@ -106,7 +107,7 @@ fn write_input(path: &Path) -> las::Header {
     writer.write_points(&points).unwrap();
     writer.close().unwrap();
     drop(writer);
-    LasFile::open(path).unwrap().header().clone()
+    LasFile::open(&Input::from(path)).unwrap().header().clone()
 }
 
 #[test]
@@ -125,7 +126,7 @@ fn a_copy_keeps_all_fields_and_appends_dimensions() {
             23
         );
 
-        let file = LasFile::open(&output).unwrap();
+        let file = LasFile::open(&Input::from(&output)).unwrap();
         let after = file.header();
         assert_eq!(after.version(), las::Version::new(1, 4));
         assert_eq!(after.transforms(), before.transforms());
@@ -194,7 +195,7 @@ fn a_copy_holds_the_chosen_points_and_replaces_a_dimension() {
         copy_las(&path("b.laz"), &path("c.laz"), &new, &mut again, &Silent).unwrap(),
         8
     );
-    let file = LasFile::open(&path("c.laz")).unwrap();
+    let file = LasFile::open(&Input::from(&path("c.laz"))).unwrap();
     assert_eq!(
         extra_names(&file),
         [

@@ -16,10 +16,9 @@
 #[cfg(test)]
 mod tests;
 
-use std::path::Path;
-
 use crate::error::Result;
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind;
 use crate::format::text::lines::Lines;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
@@ -151,12 +150,12 @@ fn seconds(time_ns: i64) -> f64 {
 /// Reads every row of a file of one of the given kinds. `record` gets the time in seconds and the values
 /// of the kind's columns.
 fn read<T>(
-    path: &Path,
+    input: &Input,
     kinds: &[Kind],
     what: &str,
     mut record: impl FnMut(f64, &[f64], Kind, &Lines) -> Result<T>,
 ) -> Result<Vec<T>> {
-    let mut lines = Lines::open(path)?;
+    let mut lines = Lines::open(input)?;
     lines.advance()?;
     let header = lines.text().to_owned();
     let kind = looks_like_header(&header).filter(|kind| kinds.contains(kind));
@@ -213,7 +212,7 @@ fn read<T>(
         records.push(record(seconds(time_ns), &values, kind, &lines)?);
     }
     if records.is_empty() {
-        return Err(nothing_in(path, what));
+        return Err(nothing_in(input.path(), what));
     }
     Ok(records)
 }
@@ -226,8 +225,8 @@ fn vector(values: &[f64]) -> Vec3 {
 ///
 /// # Errors
 /// Another header, other units, cells that are not finite numbers, no rows.
-pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
-    read(path, &[Kind::Imu], "IMU sample", |time_s, values, _, _| {
+pub fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
+    read(input, &[Kind::Imu], "IMU sample", |time_s, values, _, _| {
         Ok(ImuSample {
             time_s,
             gyro_rad_s: vector(values),
@@ -241,10 +240,10 @@ pub fn read_imu(path: &Path) -> Result<Vec<ImuSample>> {
 ///
 /// # Errors
 /// Those of [`read_imu`]; quaternions that are not of unit length; times that do not increase.
-pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
+pub fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
     let mut last_s = f64::NEG_INFINITY;
     let kinds = [Kind::State, Kind::Pose];
-    read(path, &kinds, "pose", |time_s, values, kind, lines| {
+    read(input, &kinds, "pose", |time_s, values, kind, lines| {
         if time_s <= last_s {
             let found = format!("time {time_s} s after {last_s} s");
             return Err(lines.error(found, "times that increase"));
@@ -273,9 +272,9 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseRecord>> {
 ///
 /// # Errors
 /// Those of [`read_imu`].
-pub fn read_positions(path: &Path) -> Result<Vec<PositionFix>> {
+pub fn read_positions(input: &Input) -> Result<Vec<PositionFix>> {
     let kinds = [Kind::Position];
-    read(path, &kinds, "position", |time_s, values, _, _| {
+    read(input, &kinds, "position", |time_s, values, _, _| {
         Ok(PositionFix::with_sigma(time_s, vector(values), None))
     })
 }

@@ -1,5 +1,5 @@
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::format::mutation::for_each_damaged;
@@ -18,11 +18,11 @@ const POSE_FILE: &str = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],
 const POSITION_FILE: &str =
     "#timestamp [ns],p_RS_R_z [m],p_RS_R_x [m],quality,p_RS_R_y [m]\n1000000,3,1,good,2\n";
 
-fn with<T>(text: &str, read: impl Fn(&Path) -> T) -> T {
+fn with<T>(text: &str, read: impl Fn(&Input) -> T) -> T {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("data.csv");
     std::fs::write(&path, text).unwrap();
-    read(&path)
+    read(&Input::from(&path))
 }
 
 #[test]
@@ -130,7 +130,11 @@ fn damaged_files_do_not_panic() {
     let path = dir.path().join("data.csv");
     for valid in [IMU_FILE, STATE_FILE, POSE_FILE, POSITION_FILE] {
         for_each_damaged(&path, valid.as_bytes(), 1000, || {
-            let _ = (read_imu(&path), read_poses(&path), read_positions(&path));
+            let _ = (
+                read_imu(&Input::from(&path)),
+                read_poses(&Input::from(&path)),
+                read_positions(&Input::from(&path)),
+            );
         });
     }
 }
@@ -151,18 +155,18 @@ fn recorded(folder: &str) -> Option<PathBuf> {
 fn recorded_files_agree_with_each_other() {
     if let Some(folder) = recorded("readers/euroc_5line_sample") {
         let at = |sensor: &str| folder.join(sensor).join("data.csv");
-        let poses = read_poses(&at("state_groundtruth_estimate0")).unwrap();
-        let imu = read_imu(&at("imu0")).unwrap();
-        let prism = read_positions(&at("leica0")).unwrap();
+        let poses = read_poses(&Input::from(&at("state_groundtruth_estimate0"))).unwrap();
+        let imu = read_imu(&Input::from(&at("imu0"))).unwrap();
+        let prism = read_positions(&Input::from(&at("leica0"))).unwrap();
         assert_eq!([poses.len(), imu.len(), prism.len()], [5; 3]);
     }
     let Some(folder) = recorded("euroc_v2_03") else {
         return;
     };
     let at = |sensor: &str| folder.join(sensor).join("data.csv");
-    let imu = read_imu(&at("imu0")).unwrap();
-    let truth = read_poses(&at("state_groundtruth_estimate0")).unwrap();
-    let vicon = read_poses(&at("vicon0")).unwrap();
+    let imu = read_imu(&Input::from(&at("imu0"))).unwrap();
+    let truth = read_poses(&Input::from(&at("state_groundtruth_estimate0"))).unwrap();
+    let vicon = read_poses(&Input::from(&at("vicon0"))).unwrap();
     assert!(vicon.iter().all(|pose| pose.bias.is_none()) && vicon.len() > 1000);
     // Rates and accelerations from differences of the poses agree with the IMU once its biases are
     // subtracted. This tests the sign of the biases, the direction of the rotation and the world's up.

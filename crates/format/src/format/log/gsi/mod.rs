@@ -25,10 +25,10 @@
 mod tests;
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::civil::{DAY_S, days_since_1970, second_of_day};
 use crate::format::text::lines::Lines;
@@ -304,8 +304,8 @@ pub fn looks_like(start: &[u8]) -> bool {
 /// # Errors
 /// Words of another width or form, units that do not fit their word, dates and times that do not
 /// exist, no points.
-pub fn read(path: &Path) -> Result<Vec<GsiPoint>> {
-    let mut lines = Lines::open(path)?;
+pub fn read(input: &Input) -> Result<Vec<GsiPoint>> {
+    let mut lines = Lines::open(input)?;
     let mut points = Vec::new();
     while lines.advance()? {
         match block(lines.text()) {
@@ -314,7 +314,7 @@ pub fn read(path: &Path) -> Result<Vec<GsiPoint>> {
         }
     }
     if points.is_empty() {
-        return Err(nothing_in(path, "point"));
+        return Err(nothing_in(input.path(), "point"));
     }
     Ok(points)
 }
@@ -324,12 +324,17 @@ pub fn read(path: &Path) -> Result<Vec<GsiPoint>> {
 ///
 /// # Errors
 /// Those of [`read`]; a target without a time, no target.
-pub fn read_positions(path: &Path, observations: &Observations) -> Result<Positions> {
+pub fn read_positions(input: &Input, observations: &Observations) -> Result<Positions> {
     let error = |positions: String, expected: &str| {
-        Err(Error::format(path, Location::Whole, positions, expected))
+        Err(Error::format(
+            input.path(),
+            Location::Whole,
+            positions,
+            expected,
+        ))
     };
     let mut positions = Positions::default();
-    for point in read(path)? {
+    for point in read(input)? {
         let fix = match observations {
             Observations::Polar(instrument) => polar(&point).map(|o| instrument.position_fix(&o)),
             _ => cartesian(&point),

@@ -15,7 +15,7 @@ fn read_text(text: &str) -> Result<Vec<GsiPoint>> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.gsi");
     std::fs::write(&path, text).unwrap();
-    read(&path)
+    read(&Input::from(&path))
 }
 
 fn assert_near(found: &[Option<f64>], expected: &[f64]) {
@@ -153,7 +153,7 @@ fn damaged_files_do_not_panic() {
     let path = dir.path().join("a.gsi");
     for valid in [GSI_16, GSI_8] {
         for_each_damaged(&path, valid.as_bytes(), 3000, || {
-            drop(read(&path));
+            drop(read(&Input::from(&path)));
             looks_like(&std::fs::read(&path).unwrap_or_default());
         });
     }

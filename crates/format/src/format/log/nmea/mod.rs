@@ -24,6 +24,7 @@ use std::path::Path;
 pub use self::sentence::NmeaSkipped;
 use self::sentence::{Heading, Sentence, Useless, for_each_piece, parse, pieces};
 use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::civil::DAY_S;
 use crate::sensor::{GeographicFix, HeadingFix};
@@ -96,18 +97,18 @@ impl Clock {
 }
 
 /// Passes every useful sentence of a log to `take`.
-fn scan(path: &Path, mut take: impl FnMut(Sentence, &mut NmeaSkipped)) -> Result<NmeaSkipped> {
-    scan_to(path, |_, sentence, skipped| take(sentence, skipped))
+fn scan(input: &Input, mut take: impl FnMut(Sentence, &mut NmeaSkipped)) -> Result<NmeaSkipped> {
+    scan_to(input, |_, sentence, skipped| take(sentence, skipped))
 }
 
 /// Like [`scan`]; also passes the end of each sentence's line, in bytes from the start of the file.
 fn scan_to(
-    path: &Path,
+    input: &Input,
     mut take: impl FnMut(u64, Sentence, &mut NmeaSkipped),
 ) -> Result<NmeaSkipped> {
     let mut skipped = NmeaSkipped::default();
     let mut has_checksums = false;
-    for_each_piece(path, |end, piece| {
+    for_each_piece(input, |end, piece| {
         let (has_checksum, sentence) = parse(piece);
         match sentence {
             Ok(_) if has_checksums && !has_checksum => skipped.damaged += 1,
@@ -145,12 +146,12 @@ fn no_records(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
 ///
 /// # Errors
 /// No heading with a time; more headings without a time of their own than with one.
-pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
+pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
     let mut clock = Clock::default();
     let mut epoch = None;
     let mut by_sentence: [Vec<(Moment, Heading)>; 3] = Default::default();
     let mut late = [0; 3];
-    let mut skipped = scan(path, |sentence, skipped| match sentence {
+    let mut skipped = scan(input, |sentence, skipped| match sentence {
         Sentence::Position(second_s, ..) => epoch = Some(clock.at(second_s)),
         Sentence::Date(second_s, date) => epoch = Some(clock.at_date(second_s, date)),
         Sentence::Heading(kind, heading) => {
@@ -178,7 +179,7 @@ pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
         .sum::<u64>();
     if headings.is_empty() {
         let expected = "headings (HDT, THS or PASHR) behind times (GGA, ZDA or RMC)";
-        return Err(no_records(path, &skipped, expected));
+        return Err(no_records(input.path(), &skipped, expected));
     }
     if skipped.without_time > headings.len() as u64 {
         let found = format!(
@@ -187,7 +188,12 @@ pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
             skipped.without_time
         );
         let expected = "a GGA, ZDA or RMC before every heading";
-        return Err(Error::format(path, Location::Whole, found, expected));
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            found,
+            expected,
+        ));
     }
     let records = headings.into_iter().map(|(moment, heading)| HeadingFix {
         time_s: clock.time_s(moment),
@@ -204,8 +210,8 @@ pub fn read_heading_log(path: &Path) -> Result<NmeaLog<HeadingFix>> {
 ///
 /// # Errors
 /// Those of [`read_heading_log`].
-pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
-    Ok(read_heading_log(path)?.records)
+pub fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
+    Ok(read_heading_log(input)?.records)
 }
 
 /// Reads the positions of a log from its GGA sentences and counts skipped sentences.
@@ -213,10 +219,10 @@ pub fn read_heading(path: &Path) -> Result<Vec<HeadingFix>> {
 /// # Errors
 /// No position with a fix and the separation of geoid and ellipsoid, without which the ellipsoidal height
 /// is unknown.
-pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
+pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
     let mut clock = Clock::default();
     let mut fixes: Vec<(Moment, GeographicFix)> = Vec::new();
-    let skipped = scan(path, |sentence, skipped| match sentence {
+    let skipped = scan(input, |sentence, skipped| match sentence {
         Sentence::Position(second_s, [lat, lon], altitude_m, separation_m) => {
             let moment = clock.at(second_s);
             let Some(separation_m) = separation_m else {
@@ -243,7 +249,7 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
     })?;
     if fixes.is_empty() {
         let expected = "positions (GGA with a fix and a geoid separation)";
-        return Err(no_records(path, &skipped, expected));
+        return Err(no_records(input.path(), &skipped, expected));
     }
     let records = fixes.into_iter().map(|(moment, fix)| GeographicFix {
         time_s: clock.time_s(moment),
@@ -257,15 +263,15 @@ pub fn read_position_log(path: &Path) -> Result<NmeaLog<GeographicFix>> {
 ///
 /// # Errors
 /// Those of [`read_position_log`].
-pub fn read_positions(path: &Path) -> Result<Vec<GeographicFix>> {
-    Ok(read_position_log(path)?.records)
+pub fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
+    Ok(read_position_log(input)?.records)
 }
 
 /// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.
-fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
+fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
     let mut clock = Clock::default();
     let mut ends: Vec<(u64, Moment)> = Vec::new();
-    scan_to(path, |end, sentence, _| {
+    scan_to(input, |end, sentence, _| {
         let moment = match sentence {
             Sentence::Position(second_s, ..) => Some(clock.at(second_s)),
             Sentence::Date(second_s, date) => Some(clock.at_date(second_s, date)),

@@ -1,10 +1,9 @@
 //! NMEA 0183 sentences: framing, checksums and the fields that are used.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::format::file;
+use crate::format::input::Input;
 use crate::format::text::civil::{days_since_1970, second_of_day};
 
 /// Sentences have at most 82 characters; the limit keeps binary files from filling the memory.
@@ -83,8 +82,8 @@ pub(super) enum Sentence {
 /// Splits a log at line ends and dollar signs and passes every piece to `take`: a sentence without its
 /// dollar sign, or other data. `take` also gets the end of the piece's line, in bytes from the start of
 /// the file.
-pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(u64, &[u8])) -> Result<()> {
-    let (file, _) = file::open(path)?;
+pub(super) fn for_each_piece(input: &Input, mut take: impl FnMut(u64, &[u8])) -> Result<()> {
+    let (file, _) = input.open()?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let (mut line, mut end) = (Vec::new(), 0);
     loop {
@@ -92,7 +91,7 @@ pub(super) fn for_each_piece(path: &Path, mut take: impl FnMut(u64, &[u8])) -> R
         let read = (&mut reader)
             .take(LONGEST_LINE)
             .read_until(b'\n', &mut line)
-            .map_err(|e| Error::io(path, e))?;
+            .map_err(|e| Error::io(input.path(), e))?;
         if read == 0 {
             return Ok(());
         }

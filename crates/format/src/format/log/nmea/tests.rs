@@ -23,11 +23,11 @@ const LOG: &str = "5.0,M,47.0,M,,*10\r\n\
     $GPHDT,123.4";
 const PASHR: &str = "$PASHR,123456.789,271.25,T,-1.50,+2.25,+0.01,0.029,0.031,0.059,2,1*39\r\n";
 
-fn with<T>(text: &str, read: impl Fn(&Path) -> T) -> T {
+fn with<T>(text: &str, read: impl Fn(&Input) -> T) -> T {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.nmea");
     std::fs::write(&path, text).unwrap();
-    read(&path)
+    read(&Input::from(&path))
 }
 
 #[test]
@@ -164,7 +164,10 @@ fn damaged_files_do_not_panic() {
         .collect();
     for valid in [LOG, PASHR, &without_checksums] {
         for_each_damaged(&path, valid.as_bytes(), 2000, || {
-            drop((read_heading(&path), read_positions(&path)));
+            drop((
+                read_heading(&Input::from(&path)),
+                read_positions(&Input::from(&path)),
+            ));
             looks_like(&std::fs::read(&path).unwrap_or_default());
         });
     }

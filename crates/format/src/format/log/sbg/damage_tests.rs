@@ -76,7 +76,7 @@ fn the_reader_keeps_undamaged_frames_around_any_damage() {
             log.extend(piece);
         }
         std::fs::write(&path, &log).unwrap();
-        let found = read_imu(&path).unwrap_or_default();
+        let found = read_imu(&Input::from(&path)).unwrap_or_default();
         let found: Vec<f64> = found.iter().map(|sample| sample.gyro_rad_s.x).collect();
         let mut rest = found.iter();
         let kept = undamaged.iter().all(|i| rest.any(|x| x == i));
@@ -92,8 +92,12 @@ fn the_reader_keeps_undamaged_frames_around_any_damage() {
         let end = random(log.len());
         let log = &log[random(end + 1)..end];
         std::fs::write(&path, log).unwrap();
-        let _ = (read_imu(&path), read_heading(&path), read_positions(&path));
-        let other = summary(&path).map_or(0, |counts| counts.damaged_bytes);
+        let _ = (
+            read_imu(&Input::from(&path)),
+            read_heading(&Input::from(&path)),
+            read_positions(&Input::from(&path)),
+        );
+        let other = summary(&Input::from(&path)).map_or(0, |counts| counts.damaged_bytes);
         assert!(other <= log.len() as u64);
     }
 }

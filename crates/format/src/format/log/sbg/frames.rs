@@ -5,12 +5,11 @@
 //! numbers are little-endian. A class with the highest bit set marks a page of a large frame, whose
 //! payload starts with five bytes about the pages; only answers to commands use large frames.
 
-use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::error::{Error, Result};
-use crate::format::file;
+use crate::format::input::{Input, Stream};
 
 const SYNC: [u8; 2] = [0xff, 0x5a];
 const END: u8 = 0x33;
@@ -100,7 +99,7 @@ pub(super) fn start_of(bytes: &[u8]) -> Start {
 #[derive(Debug)]
 pub(super) struct Frames {
     path: PathBuf,
-    file: File,
+    file: Stream,
     buffer: Vec<u8>,
     /// Index in the buffer of the next byte.
     start: usize,
@@ -116,10 +115,10 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        let (file, _) = file::open(path)?;
+    pub(super) fn open(input: &Input) -> Result<Self> {
+        let (file, _) = input.open()?;
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             file,
             buffer: Vec::new(),
             start: 0,

@@ -76,11 +76,11 @@ pub(super) fn manufacturer_log() -> Vec<u8> {
 }
 
 /// Calls `check` with the path of a file with this content.
-pub(super) fn with_file<T>(content: &[u8], check: impl FnOnce(&Path) -> T) -> T {
+pub(super) fn with_file<T>(content: &[u8], check: impl FnOnce(&Input) -> T) -> T {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.bin");
     std::fs::write(&path, content).unwrap();
-    check(&path)
+    check(&Input::from(&path))
 }
 
 /// A frame; the CRC is computed bit by bit, as the manufacturer describes it.

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::format::mutation::for_each_damaged;
@@ -189,7 +189,7 @@ fn velocities_and_rates_are_in_the_axes_of_the_format() {
     let poses: Vec<_> = (-5..=5).map(pose).collect();
     write_sbet(&path, &poses, &system).unwrap();
     let mut rows = Vec::new();
-    for_each(&path, |row| rows.push(*row)).unwrap();
+    for_each(&Input::from(&path), |row| rows.push(*row)).unwrap();
     let middle = rows[5];
     let point = system.project(middle[1], middle[2]).unwrap();
     let gamma = point.convergence_rad;

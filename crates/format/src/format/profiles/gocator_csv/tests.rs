@@ -197,7 +197,7 @@ fn damaged_files_do_not_panic() {
         let valid = head("0,100.0", "0.0") + &block;
         crate::format::mutation::for_each_damaged(&path, valid.as_bytes(), 500, || {
             let mut chunk = Vec::new();
-            if let Ok(mut reader) = GocatorCsv::open(&path) {
+            if let Ok(mut reader) = GocatorCsv::open(&Input::from(&path)) {
                 while reader.next_chunk(&mut chunk).is_ok_and(|more| more) {}
             }
         });

@@ -1,14 +1,14 @@
 //! Reader of a recorded data channel, `.gocator`.
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::message::Message;
 use super::profile::{Profile, ProfileReader as Stream};
 use crate::error::{Error, Location, Result};
-use crate::format::file::{self, CHUNK_POINTS, nothing_in};
+use crate::format::file::{CHUNK_POINTS, nothing_in};
+use crate::format::input::{self, Input};
 use crate::format::kind::{Frame, Kind};
 use crate::format::profiles::bonn::STAND_OFF_M;
 use crate::format::profiles::reader::ProfileReader;
@@ -43,7 +43,7 @@ fn looks_like(start: &[u8]) -> bool {
 /// The profiles of a file one after the other.
 struct Profiles {
     path: PathBuf,
-    file: File,
+    file: input::Stream,
     stream: Stream,
     buffer: Vec<u8>,
     ready: VecDeque<Profile>,
@@ -53,10 +53,10 @@ struct Profiles {
 }
 
 impl Profiles {
-    fn open(path: &Path) -> Result<Self> {
-        let (file, total) = file::open(path)?;
+    fn open(input: &Input) -> Result<Self> {
+        let (file, total) = input.open()?;
         Ok(Self {
-            path: path.to_owned(),
+            path: input.path().to_owned(),
             file,
             stream: Stream::new(),
             buffer: vec![0; CHUNK],
@@ -95,9 +95,9 @@ struct StreamReader {
 }
 
 impl StreamReader {
-    fn open(path: &Path) -> Result<Self> {
+    fn open(input: &Input) -> Result<Self> {
         Ok(Self {
-            profiles: Profiles::open(path)?,
+            profiles: Profiles::open(input)?,
             last_time_s: f64::NEG_INFINITY,
             has_points: false,
         })
@@ -152,8 +152,8 @@ impl ProfileReader for StreamReader {
 
 /// The end of each profile's data set, in bytes from the start of the file, and its time on the scanner's clock,
 /// seconds.
-fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
-    let (mut profiles, mut ends) = (Profiles::open(path)?, Vec::new());
+fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
+    let (mut profiles, mut ends) = (Profiles::open(input)?, Vec::new());
     while let Some(profile) = profiles.next()? {
         ends.push((profile.bytes.end, 1e-6 * profile.time_us));
     }
@@ -161,8 +161,8 @@ fn record_ends(path: &Path) -> Result<Vec<(u64, f64)>> {
 }
 
 /// The content of a recording in one line.
-fn contents(path: &Path) -> Result<String> {
-    let mut profiles = Profiles::open(path)?;
+fn contents(input: &Input) -> Result<String> {
+    let mut profiles = Profiles::open(input)?;
     while profiles.next()?.is_some() {}
     let counts = profiles.stream.counts();
     let mut text = format!("{} profiles", counts.profiles);

@@ -1,0 +1,189 @@
+//! What readers read: a file, or an excerpt of one in memory.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Cursor, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use super::file::file_of;
+use crate::error::{Error, Location, Result};
+
+/// The first bytes of a Parquet file, and also its last.
+const PARQUET: &[u8] = b"PAR1";
+
+/// The bytes of a file or of an excerpt of it, and its path for messages. It can be opened more than once, each time
+/// with a position of its own. The format is detected once for all clones.
+#[derive(Clone)]
+pub struct Input(Arc<Content>);
+
+struct Content {
+    path: PathBuf,
+    excerpt: Option<Excerpt>,
+    detected: OnceLock<usize>,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Excerpt(Arc<[u8]>);
+
+impl AsRef<[u8]> for Excerpt {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl Input {
+    /// Some records of the log at `path`, below its header if it has one. Files that lie beside the log do not apply
+    /// to an excerpt, and an excerpt of a table of positions may hold no position.
+    pub fn excerpt(path: &Path, bytes: Vec<u8>) -> Self {
+        Self::new(path, Some(Excerpt(bytes.into())))
+    }
+
+    fn new(path: &Path, excerpt: Option<Excerpt>) -> Self {
+        Self(Arc::new(Content {
+            path: path.to_owned(),
+            excerpt,
+            detected: OnceLock::new(),
+        }))
+    }
+
+    /// The path of the file, which may also name a part of the file after a `#`.
+    pub fn path(&self) -> &Path {
+        &self.0.path
+    }
+
+    /// Whether it is an excerpt in memory.
+    pub(crate) fn is_excerpt(&self) -> bool {
+        self.0.excerpt.is_some()
+    }
+
+    /// The index of its format among all formats, which `detect` finds the first time.
+    pub(super) fn detected(&self, detect: impl FnOnce() -> Result<usize>) -> Result<usize> {
+        if let Some(index) = self.0.detected.get() {
+            return Ok(*index);
+        }
+        let index = detect()?;
+        Ok(*self.0.detected.get_or_init(|| index))
+    }
+
+    /// The bytes from the beginning, and their number.
+    ///
+    /// # Errors
+    /// A file that is missing, empty or no regular file.
+    pub(crate) fn open(&self) -> Result<(Stream, u64)> {
+        let path = &file_of(self.path());
+        let (stream, size) = match &self.0.excerpt {
+            Some(excerpt) => {
+                let size = excerpt.0.len() as u64;
+                (Stream::Excerpt(Cursor::new(excerpt.clone())), size)
+            }
+            None => {
+                let (file, size) = open_file(path)?;
+                (Stream::File(file), size)
+            }
+        };
+        if size == 0 {
+            return Err(Error::format(
+                path,
+                Location::Whole,
+                "an empty file",
+                "data",
+            ));
+        }
+        Ok((stream, size))
+    }
+
+    /// The file itself, for decoders that need one; also its size in bytes.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open); an excerpt.
+    pub(crate) fn open_file(&self) -> Result<(File, u64)> {
+        match self.open()? {
+            (Stream::File(file), size) => Ok((file, size)),
+            (Stream::Excerpt(_), _) => Err(Error::format(
+                self.path(),
+                Location::Whole,
+                "an excerpt in memory",
+                "a whole file",
+            )),
+        }
+    }
+
+    /// The first bytes, up to 4096.
+    pub(crate) fn start(&self) -> Result<Vec<u8>> {
+        let (stream, _) = self.open()?;
+        let mut bytes = Vec::new();
+        stream
+            .take(4096)
+            .read_to_end(&mut bytes)
+            .map_err(|e| Error::io(self.path(), e))?;
+        Ok(bytes)
+    }
+
+    /// Whether it is Parquet; false if it cannot be read.
+    pub fn is_parquet(&self) -> bool {
+        self.open().is_ok_and(|(mut stream, _)| {
+            let mut start = [0; PARQUET.len()];
+            stream.read_exact(&mut start).is_ok() && start == PARQUET
+        })
+    }
+}
+
+/// Opens a regular file; also returns its size in bytes.
+fn open_file(path: &Path) -> Result<(File, u64)> {
+    // Opening a pipe would wait for a writer.
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if !metadata.is_file() {
+        let file_type = if metadata.is_dir() {
+            "a folder"
+        } else {
+            "a pipe or a device"
+        };
+        return Err(Error::format(path, Location::Whole, file_type, "a file"));
+    }
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    Ok((file, metadata.len()))
+}
+
+impl<P: AsRef<Path> + ?Sized> From<&P> for Input {
+    fn from(path: &P) -> Self {
+        Self::new(path.as_ref(), None)
+    }
+}
+
+impl From<&Self> for Input {
+    fn from(input: &Self) -> Self {
+        input.clone()
+    }
+}
+
+impl fmt::Debug for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path().display())
+    }
+}
+
+/// The bytes of an open input.
+#[derive(Debug)]
+pub(crate) enum Stream {
+    File(File),
+    Excerpt(Cursor<Excerpt>),
+}
+
+impl Read for Stream {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::File(file) => file.read(into),
+            Self::Excerpt(bytes) => bytes.read(into),
+        }
+    }
+}
+
+impl Seek for Stream {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        match self {
+            Self::File(file) => file.seek(to),
+            Self::Excerpt(bytes) => bytes.seek(to),
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Text tables that grow.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::whole_lines::WholeLines;
+use crate::error::{Error, Location, Result};
+use crate::format::input::Input;
+
+/// Bytes read at a time in search of the header of a table that is too long to read at once.
+const HEADER: u64 = 4096;
+
+/// A text table that grows. Its new rows, below its header, are an excerpt for the reader of its format, so that tables
+/// of all formats can be followed.
+pub struct GrowingTable {
+    path: PathBuf,
+    /// Most bytes of new rows; if more have arrived, the older ones are passed over.
+    most: u64,
+    /// Bytes read or passed over.
+    read: u64,
+    lines: WholeLines,
+    /// Lines up to the first that is not a comment.
+    header: Vec<u8>,
+    header_lines: u64,
+    has_header: bool,
+    /// Number of lines before the newest rows, including the header; `None` if rows were passed over.
+    lines_before: Option<u64>,
+    new_lines: u64,
+}
+
+impl GrowingTable {
+    /// A table of which nothing has been read; at most `most` bytes of new rows are read at a time.
+    pub fn new(path: &Path, most: u64) -> Self {
+        Self {
+            path: path.to_owned(),
+            most,
+            read: 0,
+            lines: WholeLines::default(),
+            header: Vec::new(),
+            header_lines: 0,
+            has_header: false,
+            lines_before: Some(0),
+            new_lines: 0,
+        }
+    }
+
+    /// The path of the table.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The header and the rows that were completed since the last time; `None` without new rows.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has become shorter.
+    pub fn next(&mut self) -> Result<Option<Input>> {
+        let fail = |error| Error::io(&self.path, error);
+        let mut file = File::open(&self.path).map_err(fail)?;
+        let length = file.metadata().map_err(fail)?.len();
+        if length < self.read {
+            return Err(Error::format(
+                &self.path,
+                Location::Whole,
+                "a file that has become shorter",
+                "a log that only grows",
+            ));
+        }
+        if length == self.read {
+            return Ok(None);
+        }
+        self.lines_before = self.lines_before.map(|lines| lines + self.new_lines);
+        self.new_lines = 0;
+        let mut rows = Vec::new();
+        while self.read < length {
+            let left = length - self.read;
+            let mut count = left;
+            if left > self.most && self.has_header {
+                rows.clear();
+                self.pass_over(left - self.most);
+                count = self.most;
+            } else if left > self.most {
+                count = HEADER;
+            }
+            let mut bytes = Vec::new();
+            file.seek(SeekFrom::Start(self.read))
+                .and_then(|_| (&mut file).take(count).read_to_end(&mut bytes))
+                .map_err(|error| Error::io(&self.path, error))?;
+            if bytes.is_empty() {
+                break;
+            }
+            self.read += bytes.len() as u64;
+            let (lines, _) = self.lines.take(&bytes);
+            self.split(&lines, &mut rows);
+        }
+        if self.lines.begun().len() as u64 > self.most {
+            self.pass_over(0);
+        }
+        if rows.iter().all(u8::is_ascii_whitespace) {
+            return Ok(None);
+        }
+        let text = [self.header.as_slice(), &rows].concat();
+        Ok(Some(Input::excerpt(&self.path, text)))
+    }
+
+    /// Passes over bytes: the next ones may begin in the middle of a row.
+    fn pass_over(&mut self, bytes: u64) {
+        self.read += bytes;
+        self.lines.interrupt(true);
+        self.lines_before = None;
+    }
+
+    /// Splits whole lines into the header and rows.
+    fn split(&mut self, lines: &[u8], rows: &mut Vec<u8>) {
+        for line in lines.split_inclusive(|byte| *byte == b'\n') {
+            let text = line.trim_ascii();
+            let is_remark = text.is_empty() || text.starts_with(b"#");
+            // If a comment names the columns, the first row consists of numbers.
+            let is_number = text
+                .first()
+                .is_some_and(|c| c.is_ascii_digit() || b"+-.".contains(c));
+            if self.has_header || (is_number && self.header_lines > 0) {
+                self.has_header = true;
+                rows.extend_from_slice(line);
+                self.new_lines += 1;
+                continue;
+            }
+            self.header.extend_from_slice(line);
+            self.header_lines += 1;
+            self.lines_before = self.lines_before.map(|lines| lines + 1);
+            self.has_header = !is_remark;
+        }
+    }
+
+    /// The line of the table that is this line of the newest excerpt, from 1; `None` if rows were passed over.
+    pub fn line(&self, line: u64) -> Option<u64> {
+        Some(line.saturating_sub(self.header_lines) + self.lines_before?)
+    }
+
+    /// Makes an error of the newest excerpt name the line of the table, or no line if rows were passed over.
+    pub fn locate(&self, error: Error) -> Error {
+        match error {
+            Error::Format {
+                path,
+                at: Location::Line(line),
+                found,
+                expected,
+                ..
+            } => {
+                let at = self.line(line).map_or(Location::Whole, Location::Line);
+                Error::format(path, at, found, expected)
+            }
+            other => other,
+        }
+    }
+
+    /// Whether a last line has begun and has no end.
+    pub fn has_incomplete_line(&self) -> bool {
+        !self.lines.begun().trim_ascii().is_empty()
+    }
+}

@@ -1,0 +1,64 @@
+//! Complete lines from bytes that arrive in pieces.
+
+/// Puts lines together from the pieces in which they arrive. A line of which a part is missing is dropped, because
+/// half a number is a wrong number.
+#[derive(Debug, Default)]
+pub struct WholeLines {
+    /// The beginning of a line whose end has not arrived.
+    begun: Vec<u8>,
+    /// Whether the beginning of the current line is missing.
+    is_cut: bool,
+}
+
+impl WholeLines {
+    /// Bytes may be missing before the next ones: drops the line that has begun, and if the next bytes may begin in
+    /// the middle of a line (`is_cut`), those up to its end. Returns the number of bytes dropped now.
+    pub fn interrupt(&mut self, is_cut: bool) -> u64 {
+        self.is_cut = is_cut;
+        std::mem::take(&mut self.begun).len() as u64
+    }
+
+    /// Returns the lines that these bytes complete, with their ends, and the number of bytes dropped because the
+    /// beginning of their line is missing.
+    pub fn take(&mut self, bytes: &[u8]) -> (Vec<u8>, u64) {
+        let mut dropped = 0;
+        if self.is_cut {
+            let end = bytes.iter().position(|byte| *byte == b'\n');
+            self.is_cut = end.is_none();
+            dropped = end.map_or(bytes.len(), |at| at + 1);
+        }
+        self.begun.extend_from_slice(&bytes[dropped..]);
+        let end = self.begun.iter().rposition(|byte| *byte == b'\n');
+        let rest = self.begun.split_off(end.map_or(0, |at| at + 1));
+        let lines = std::mem::replace(&mut self.begun, rest);
+        (lines, dropped as u64)
+    }
+
+    /// The beginning of the line whose end has not arrived.
+    pub fn begun(&self) -> &[u8] {
+        &self.begun
+    }
+
+    /// Takes the beginning of a line as if it were a whole line, for a line that is too long.
+    pub fn end_line(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.begun)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_which_a_part_is_missing_are_dropped() {
+        let mut lines = WholeLines::default();
+        assert_eq!(lines.interrupt(true), 0);
+        assert_eq!(lines.take(b"3"), (Vec::new(), 1));
+        assert_eq!(lines.take(b".4\r\n5.6\r\n7"), (b"5.6\r\n".to_vec(), 4));
+        assert_eq!(lines.begun(), b"7");
+        assert_eq!(lines.take(b"\r\n8"), (b"7\r\n".to_vec(), 0));
+        assert_eq!(lines.interrupt(false), 1);
+        assert_eq!(lines.take(b"9\n\n10"), (b"9\n\n".to_vec(), 0));
+        assert_eq!(lines.end_line(), b"10");
+    }
+}

@@ -1,0 +1,166 @@
+//! The records of a drive's logs, in common time and with the project's origin subtracted: of whole logs, of excerpts
+//! of logs that grow, and of lines of one stream. Readers give units and frames; time offsets and the origin are
+//! applied here and nowhere else.
+
+use crate::error::{Error, Result};
+use crate::format::{self, Input};
+use crate::geometry::Vec3;
+use crate::project::{Logs, Project};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, Record};
+use crate::trajectory::TrajectorySettings;
+
+/// Reads the logs of a project. Methods that read a log take `clock`, which may convert the sensor's own times before
+/// the project's time offset is added to them; [`own_clock`] keeps them.
+#[derive(Clone, Copy)]
+pub struct Feed<'a> {
+    project: &'a Project,
+    logs: &'a Logs,
+}
+
+/// Keeps the sensor's own times.
+pub fn own_clock<T>(_: &mut Vec<T>) {}
+
+impl<'a> Feed<'a> {
+    /// The feed of these logs of `project`.
+    pub fn new(project: &'a Project, logs: &'a Logs) -> Self {
+        Self { project, logs }
+    }
+
+    /// The settings of the trajectory, with the origin subtracted from stations.
+    pub fn settings(&self) -> TrajectorySettings {
+        let mut settings = self.logs.settings.clone();
+        let positions = settings.positions.iter_mut();
+        for station_m in positions.filter_map(|position| position.station_m.as_mut()) {
+            *station_m -= self.project.origin_m;
+        }
+        settings
+    }
+
+    /// The samples of the IMU, in the order of the file.
+    ///
+    /// # Errors
+    /// Those of [`format::read_imu`].
+    pub fn imu(
+        &self,
+        input: impl Into<Input>,
+        clock: impl FnOnce(&mut Vec<ImuSample>),
+    ) -> Result<Vec<ImuSample>> {
+        let mut samples = format::read_imu(input)?;
+        clock(&mut samples);
+        samples.iter_mut().for_each(|sample| self.place_imu(sample));
+        Ok(samples)
+    }
+
+    /// The headings, in the order of the file.
+    ///
+    /// # Errors
+    /// Those of [`format::read_heading`].
+    pub fn heading(
+        &self,
+        input: impl Into<Input>,
+        clock: impl FnOnce(&mut Vec<HeadingFix>),
+    ) -> Result<Vec<HeadingFix>> {
+        let mut fixes = format::read_heading(input)?;
+        clock(&mut fixes);
+        fixes.iter_mut().for_each(|fix| self.place_heading(fix));
+        Ok(fixes)
+    }
+
+    /// The positions of a sensor, in the order of the file, and the rows without a measurement. An excerpt may hold no
+    /// position.
+    ///
+    /// # Errors
+    /// Those of [`format::read_projected_positions`].
+    pub fn positions(
+        &self,
+        sensor: usize,
+        input: impl Into<Input>,
+        clock: impl FnOnce(&mut Vec<PositionFix>),
+    ) -> Result<Positions> {
+        let observations = &self.logs.positions[sensor].observations;
+        let crs = self.project.crs.as_ref();
+        let mut positions = format::read_projected_positions(input, observations, crs)?;
+        clock(&mut positions.fixes);
+        for fix in &mut positions.fixes {
+            self.place_position(sensor, fix);
+        }
+        Ok(positions)
+    }
+
+    fn place_imu(&self, sample: &mut ImuSample) {
+        sample.time_s += self.logs.imu.time_offset_s;
+    }
+
+    fn place_heading(&self, fix: &mut HeadingFix) {
+        let log = self.logs.heading.as_ref();
+        fix.time_s += log.map_or(0.0, |log| log.time_offset_s);
+    }
+
+    fn place_position(&self, sensor: usize, fix: &mut PositionFix) {
+        fix.time_s += self.logs.positions[sensor].time_offset_s;
+        fix.position_m -= self.project.origin_m;
+    }
+
+    /// The record in a line of a stream of all sensors: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a
+    /// position sensor with `time_s,east_m,north_m,up_m` and optionally `sigma_m`, or `heading,time_s,heading_deg` and
+    /// optionally `sigma_deg`.
+    ///
+    /// # Errors
+    /// `error` of what was found and what was expected, if the line is not a record.
+    pub fn line(&self, text: &str, error: impl Fn(String, String) -> Error) -> Result<Record> {
+        let (name, cells) = text.split_once(',').unwrap_or((text, ""));
+        let name = name.trim_ascii();
+        let numbers = |least: usize, most: usize, columns: &str| {
+            let numbers: Option<Vec<f64>> = cells
+                .split(',')
+                .map(|cell| cell.trim_ascii().parse().ok())
+                .map(|x: Option<f64>| x.filter(|x| x.is_finite()))
+                .collect();
+            numbers
+                .filter(|values| (least..=most).contains(&values.len()))
+                .ok_or_else(|| {
+                    let start = text.chars().take(80).collect::<String>();
+                    error(format!("`{start}`"), format!("{name},{columns}"))
+                })
+        };
+        let sensors = &self.logs.settings.positions;
+        match (name, sensors.iter().position(|sensor| sensor.name == name)) {
+            ("imu", _) => {
+                let columns = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,\
+                               accel_y_m_s2,accel_z_m_s2";
+                let x = numbers(7, 7, columns)?;
+                let mut sample = ImuSample {
+                    time_s: x[0],
+                    gyro_rad_s: Vec3::new(x[1], x[2], x[3]),
+                    accel_m_s2: Vec3::new(x[4], x[5], x[6]),
+                };
+                self.place_imu(&mut sample);
+                Ok(Record::Imu(sample))
+            }
+            (_, Some(sensor)) => {
+                let columns = "time_s,east_m,north_m,up_m and optionally sigma_m";
+                let x = numbers(4, 5, columns)?;
+                let position_m = Vec3::new(x[1], x[2], x[3]);
+                let mut fix = PositionFix::with_sigma(x[0], position_m, x.get(4).copied());
+                self.place_position(sensor, &mut fix);
+                Ok(Record::Position(sensor, fix))
+            }
+            ("heading", None) => {
+                let x = numbers(2, 3, "time_s,heading_deg and optionally sigma_deg")?;
+                let sigma_rad = x.get(2).map(|sigma| sigma.to_radians());
+                let mut fix = HeadingFix::new(x[0], x[1].to_radians(), sigma_rad);
+                self.place_heading(&mut fix);
+                Ok(Record::Heading(fix))
+            }
+            _ => {
+                let mut names = vec!["imu", "heading"];
+                names.extend(sensors.iter().map(|sensor| sensor.name.as_str()));
+                let start = name.chars().take(40).collect::<String>();
+                Err(error(
+                    format!("a record of `{start}`"),
+                    format!("one of {}", names.join(", ")),
+                ))
+            }
+        }
+    }
+}
