@@ -10,7 +10,7 @@ use super::item::{self, Failure, Item, MountingsFrom, ProjectText, Task};
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Location, Result};
 use crate::output::Staging;
-use crate::pipeline::{self, Options, Tile, hash_of};
+use crate::pipeline::{self, Options, Rig, Tile, hash_of};
 use crate::progress::Progress;
 use crate::project::{Project, Reference};
 use crate::tiles::peak_memory_bytes;
@@ -86,7 +86,7 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (mut project, verdict) = placed(project, mountings, root, out)?;
+            let (mut project, rig, verdict) = placed(project, mountings, root, out)?;
             if let Some(path) = reference {
                 project.reference = Some(Reference {
                     path: root.join(path),
@@ -94,14 +94,15 @@ fn results(
             }
             project.check_files()?;
             let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m, verdict), options, progress)?.result
+            let named = (name.as_str(), *tile_m, verdict);
+            pipeline::field(&project, &rig, named, options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Overlap { project, mountings } => {
-            let (mut project, _) = placed(project, mountings, root, out)?;
+            let (mut project, rig, _) = placed(project, mountings, root, out)?;
             project.reference = None;
             project.check_files()?;
-            json!({ "overlap": pipeline::overlap(&project, progress)? })
+            json!({ "overlap": pipeline::overlap(&project, &rig, progress)? })
         }
         Task::Refused(Failure { problem, remedy }) => {
             return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
@@ -182,13 +183,13 @@ fn strip_times(result: &mut Value) {
     }
 }
 
-/// The project of a drive with its mountings, and the verdicts on these.
+/// The project of a drive, its scanners, and the verdict on their mountings.
 fn placed(
     project: &ProjectText,
     mountings: &MountingsFrom,
     root: &Path,
     out: &Path,
-) -> Result<(Project, Option<Verdict>)> {
+) -> Result<(Project, Rig, Option<Verdict>)> {
     let mut project = project.project(root)?;
     // A calibration is not evaluated in a campaign.
     project.drives.clear();
@@ -198,12 +199,14 @@ fn placed(
         MountingsFrom::File(path) => Some(root.join(path)),
         MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
     };
-    let mut verdict = None;
-    if let Some(path) = calibration {
-        project = project.with_calibration(&path)?;
-        verdict = pipeline::marked_unusable(&path)?;
-    }
-    Ok((project, verdict))
+    let (rig, verdict) = match calibration {
+        Some(path) => {
+            let rig = Rig::calibrated(&project, &path)?;
+            (rig, pipeline::marked_unusable(&path)?)
+        }
+        None => (Rig::new(&project), None),
+    };
+    Ok((project, rig, verdict))
 }
 
 /// Compares the tiles of two drives.

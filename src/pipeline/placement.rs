@@ -10,6 +10,7 @@ use super::commands::files_in;
 use super::job::Job;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
+use super::rig::Rig;
 use super::{clouds, drives, stages};
 use crate::comparison::Agreements;
 use crate::error::{Error, Location, Result};
@@ -23,6 +24,7 @@ use crate::verdict::{Verdict, capitalised};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
     project: Project,
+    rig: Rig,
     inputs: Vec<PathBuf>,
     calibration: Option<PathBuf>,
     /// Remarks on their choice, for the log.
@@ -34,7 +36,7 @@ impl Placement {
     /// poses come from `trajectory`. The project's own are used for either one that is `None`.
     ///
     /// # Errors
-    /// A missing file; see [`Project::with_calibration`].
+    /// A missing file; see [`Project::calibrated_scanners`].
     pub fn new(
         project: &Project,
         calibration: Option<&Path>,
@@ -47,28 +49,32 @@ impl Placement {
                 .chain(trajectory)
                 .map(Path::to_owned),
         );
-        let mut placed = project.clone();
-        if let Some(path) = calibration {
-            placed = placed.with_calibration(path)?;
-        }
-        if let Some(path) = trajectory {
-            check_poses(path)?;
-            placed = placed.with_trajectory(path)?;
-        }
-        placed.check_files()?;
-        let offsets = project.scanners.iter().zip(&placed.scanners);
+        let rig = match calibration {
+            Some(path) => Rig::calibrated(project, path)?,
+            None => Rig::new(project),
+        };
+        let project = match trajectory {
+            Some(path) => {
+                check_poses(path)?;
+                project.with_trajectory(path)?
+            }
+            None => project.clone(),
+        };
+        project.check_files()?;
+        let offsets = project.scanners.iter().zip(&rig.time_offsets_s);
         let remarks = offsets
-            .filter(|(own, used)| own.time_offset_s != used.time_offset_s)
-            .map(|(own, used)| {
+            .filter(|(own, used_s)| own.time_offset_s != **used_s)
+            .map(|(own, used_s)| {
                 format!(
-                    "scanner `{}`: the time offset is {} s, as in the calibration, not {} s, as in \
+                    "scanner `{}`: the time offset is {used_s} s, as in the calibration, not {} s, as in \
                      the project",
-                    used.name, used.time_offset_s, own.time_offset_s
+                    own.name, own.time_offset_s
                 )
             })
             .collect();
         Ok(Self {
-            project: placed,
+            project,
+            rig,
             inputs,
             calibration: calibration.map(Path::to_owned),
             remarks,
@@ -166,17 +172,16 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let project = &placement.project;
+    let (project, rig) = (&placement.project, &placement.rig);
     let names = clouds::names(project);
     let mut job = Job::new(&options.out, placement.inputs(), &names, progress)?;
     for remark in &placement.remarks {
         progress.say(remark);
     }
     let poses = stages::poses(project, progress)?.poses;
-    let mountings = stages::initial_poses(project);
-    let bending = clouds::bending(project, &poses.trajectory);
+    let bending = clouds::bending(rig, &poses.trajectory);
     let mounted = Mounted {
-        mountings: &mountings,
+        rig,
         bending: &bending,
     };
     clouds::write(project, &poses.trajectory, mounted, &mut job)?;

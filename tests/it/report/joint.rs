@@ -11,7 +11,7 @@ use boresight::joint::{
     AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, PositionBlocks, PositionResiduals,
     ReferenceError, ReferenceSigma, Region, Rung,
 };
-use boresight::pipeline::{Findings, result};
+use boresight::pipeline::{Findings, Rig, result};
 use boresight::report::render;
 use boresight::trajectory::{EstimatedConstant, StopReason, Trajectory};
 use nalgebra::DMatrix;
@@ -340,6 +340,7 @@ fn numbers_that_are_not_finite_never_reach_the_page() {
 
 fn document(full: Full) -> Value {
     result::document(&Findings {
+        rig: Rig::default(),
         calibration: full.result,
         joint: full.joint,
         variants: full.variants,
