@@ -13,15 +13,14 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
-    ChainMotion, Compliance, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput,
-    JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
+    ChainMotion, Compliance, ContradictedLogs, CorrectedPoses, CorrelatedError, Joint, JointDrive,
+    JointInput, JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
 };
 use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
-use crate::verdict::Verdict;
 
 /// A scanner is late if the scans show a latency of more than this many standard deviations that is also large enough
 /// to matter, seconds.
@@ -55,7 +54,7 @@ pub fn report(
 ) -> Result<JointReport> {
     let begun = Instant::now();
     let project = own.project;
-    let (mut other_drives, mut verdicts) = (Vec::new(), Vec::new());
+    let (mut other_drives, mut contradicted) = (Vec::new(), Vec::new());
     for other in &project.drives {
         let other_project = other.read(project)?;
         let columns = |project: &Project| project.bending.as_ref().map(|log| log.columns.clone());
@@ -76,9 +75,11 @@ pub fn report(
         };
         let estimated = stages::poses(&other_project, progress)?;
         let poses = &estimated.poses;
-        let doubts = poses.doubts.iter().map(judgement::doubt);
-        let contradicted = poses.preflight.iter().cloned().chain(doubts);
-        verdicts.extend(contradicted.map(|verdict| verdict.on(&other.name)));
+        contradicted.push(ContradictedLogs {
+            drive: other.name.clone(),
+            preflight: poses.preflight.clone(),
+            doubts: poses.doubts.clone(),
+        });
         let samples = stages::samples(&other_project, &rig, &poses.trajectory, progress)?;
         other_drives.push((other.name.as_str(), other_project, rig, estimated, samples));
     }
@@ -128,17 +129,12 @@ pub fn report(
             0,
             "the drive fits together without the reference, and not with it".into(),
         );
-        verdicts.push(Verdict::care(
-            "reference.placement",
-            "Without the reference the drive fits together, and no sensor contradicts it; with it, mountings would have \
-             to move, or no adjustment holds: is the reference in the coordinates of the total station, and was \
-             nothing moved since it was scanned?",
-        ));
     }
     Ok(JointReport {
         result: joint,
         refused,
-        verdicts,
+        fits_alone,
+        contradicted,
         late,
         seconds: begun.elapsed().as_secs_f64(),
     })
@@ -254,7 +250,7 @@ fn with_late_scanners(
     let named: Vec<LateScanner> = named.collect();
     named
         .iter()
-        .for_each(|scanner| progress.warn(&scanner.describe()));
+        .for_each(|scanner| progress.verdict(&judgement::late_scanner(scanner).text));
     Ok((joint, named))
 }
 

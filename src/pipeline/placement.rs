@@ -18,7 +18,7 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
 use crate::results::Results;
-use crate::verdict::{Verdict, capitalised};
+use crate::verdict::Verdict;
 
 /// A project with the mountings and poses that place its points: its own, or the results of an earlier run.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,14 +102,7 @@ impl Placement {
         let calibration_file = own.with_file_name("out").join("calibration.toml");
         let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
         let is_newer = self.calibration.is_none() && changed(&calibration_file)? > changed(own)?;
-        is_newer.then(|| {
-            let text = format!(
-                "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
-                own.display(),
-                calibration_file.display()
-            );
-            Verdict::care("georeference.mounting", text)
-        })
+        is_newer.then(|| judgement::newer_calibration(own, &calibration_file))
     }
 
     /// A verdict if the mountings come from a calibration that is marked as not usable.
@@ -138,19 +131,8 @@ impl Placement {
 /// # Errors
 /// See [`crate::project::mountings`].
 pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
-    let text = || {
-        let name = calibration
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy();
-        format!(
-            "Placed with the mountings of {name}, which is marked as not usable: see what it says at its top."
-        )
-    };
-    let calibration = crate::project::mountings(calibration)?;
-    Ok(calibration
-        .is_unusable
-        .then(|| Verdict::fault("georeference.mounting", text())))
+    let is_unusable = crate::project::mountings(calibration)?.is_unusable;
+    Ok(is_unusable.then(|| judgement::unusable_calibration(calibration)))
 }
 
 /// Checks the file of the poses first, because no key of the project names it.
@@ -190,20 +172,13 @@ pub fn georeference(
     let marked = placement
         .unusable_calibration()?
         .or_else(|| placement.newer_calibration());
-    if let Some(marked) = &marked {
-        progress.warn(&marked.text);
-    }
-    let own = || {
-        let text = capitalised(&placement.description()) + ".";
-        Verdict::good("georeference.mounting", text)
-    };
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let results = Results {
         drives: std::slice::from_ref(&drive),
         ..Results::default()
     };
     let mut verdicts = judgement::judge(&results, &project.acceptance);
-    verdicts.push(marked.unwrap_or_else(own));
+    verdicts.push(marked.unwrap_or_else(|| judgement::placed(&placement.description())));
     judgement::attention_first(&mut verdicts);
     let [mountings_from, poses_from] = placement.sources();
     let mut result = json!({

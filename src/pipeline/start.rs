@@ -6,6 +6,7 @@ use crate::calibration::{ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::geometry::Vec3;
+use crate::judgement::far_starts;
 use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
 use crate::project::Project;
@@ -22,8 +23,6 @@ const SCALE_PER_MISFIT: f64 = 0.5;
 const NEIGHBOURHOODS: usize = 10;
 /// Distance between clouds beyond which no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
-/// Largest error of a rough mounting: radians, metres.
-const ROUGH_START: (f64, f64) = (0.06, 0.1);
 /// The finest scale of a close-range scanner, metres, and of any at this share of its ranges.
 const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
@@ -138,7 +137,7 @@ pub fn start(
         Some((other, better))
             if other.is_as_close_as(&own) && !own.is_explained_as_well_as(&other) =>
         {
-            let verdicts = far_starts(rig, &better);
+            let verdicts = far_starts(&rig.mountings, &better.mountings);
             (other, better, verdicts)
         }
         _ => (own, rig.clone(), Vec::new()),
@@ -147,7 +146,7 @@ pub fn start(
     verdicts.extend(placed.verdict);
     verdicts.extend(fans(&begin.mountings, samples));
     for verdict in &verdicts {
-        progress.warn(&verdict.text);
+        progress.verdict(&verdict.text);
     }
     let fewest = NEIGHBOURHOODS * project.calibration.neighbours;
     begin.voxel_sizes_m = scales_for(&begin, fewest, samples, apart_m, progress);
@@ -155,27 +154,6 @@ pub fn start(
         rig: begin,
         verdicts,
     }
-}
-
-/// The verdicts on starts that are far from the project's own.
-fn far_starts(own: &Rig, better: &Rig) -> Vec<Verdict> {
-    let pairs = own.mountings.iter().zip(&better.mountings);
-    let moved = pairs.map(|(own, better)| {
-        let (turn, shift) = better
-            .body_from_scanner
-            .perturbation_from(&own.body_from_scanner);
-        (&own.name, turn.norm(), shift.norm())
-    });
-    let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
-    let verdicts = far.map(|(name, turn, shift)| {
-        let text = format!(
-            "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
-             clouds then take up much less space: is that as wrong?",
-            turn.to_degrees()
-        );
-        Verdict::care("mounting.start", text).with_value(turn, None)
-    });
-    verdicts.collect()
 }
 
 /// The scales, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as these have at
