@@ -12,7 +12,7 @@ use crate::error::{Error, Location, Result};
 use crate::output::Staging;
 use crate::pipeline::{self, Options, Rig, Tile, hash_of};
 use crate::progress::Progress;
-use crate::project::{Project, Reference};
+use crate::project::Project;
 use crate::tiles::peak_memory_bytes;
 use crate::verdict::Verdict;
 
@@ -71,10 +71,8 @@ fn results(
 ) -> Result<Value> {
     Ok(match &item.task {
         Task::Calibration { project } => {
-            let mut project = project.project(root)?;
             // Only the main drive is processed, and only its files are inputs.
-            project.drives.clear();
-            project.evaluations.clear();
+            let project = project.project(root)?.alone();
             project.check_files()?;
             let done = pipeline::calibrate(&project, options, progress)?;
             move_paths(&done.files, root, &options.out)?;
@@ -86,12 +84,11 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (mut project, rig, verdict) = placed(project, mountings, root, out)?;
-            if let Some(path) = reference {
-                project.reference = Some(Reference {
-                    path: root.join(path),
-                });
-            }
+            let (project, rig, verdict) = placed(project, mountings, root, out)?;
+            let project = match reference {
+                Some(path) => project.with_reference(Some(root.join(path))),
+                None => project,
+            };
             project.check_files()?;
             let name = item.to_string();
             let named = (name.as_str(), *tile_m, verdict);
@@ -99,8 +96,8 @@ fn results(
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Overlap { project, mountings } => {
-            let (mut project, rig, _) = placed(project, mountings, root, out)?;
-            project.reference = None;
+            let (project, rig, _) = placed(project, mountings, root, out)?;
+            let project = project.with_reference(None);
             project.check_files()?;
             json!({ "overlap": pipeline::overlap(&project, &rig, progress)? })
         }
@@ -190,10 +187,8 @@ fn placed(
     root: &Path,
     out: &Path,
 ) -> Result<(Project, Rig, Option<Verdict>)> {
-    let mut project = project.project(root)?;
     // A calibration is not evaluated in a campaign.
-    project.drives.clear();
-    project.evaluations.clear();
+    let project = project.project(root)?.alone();
     let calibration = match mountings {
         MountingsFrom::Project => None,
         MountingsFrom::File(path) => Some(root.join(path)),

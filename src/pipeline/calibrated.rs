@@ -232,14 +232,9 @@ pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()
     Ok(())
 }
 
-/// The project with `method` in place of its own.
+/// The project with `method` in place of its own; warns of what it then does not use.
 pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
-    let mut project = project.clone();
-    project.is_joint = method == Method::Joint;
-    project.calibration.method = match method {
-        Method::Joint | Method::TwoStep => Method::TwoStep,
-        Method::Paper => Method::Paper,
-    };
+    let project = project.clone().with_method(method);
     if !project.is_joint {
         let estimates = |scanner: &Scanner| scanner.estimate_time_offset;
         let unused = [

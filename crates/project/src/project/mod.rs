@@ -23,6 +23,7 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use crate::calibration::{CalibrationSettings, Method};
 use crate::error::Result;
 use crate::geometry::{BodyAxes, BodyFromScanner};
 
@@ -101,6 +102,39 @@ impl Project {
     /// A relative path without a current folder.
     pub fn with_trajectory(&self, path: &Path) -> Result<Self> {
         calibrated::with_trajectory(self, path)
+    }
+
+    /// The project with this method of calibration.
+    pub fn with_method(self, method: Method) -> Self {
+        let two_steps = match method {
+            Method::Joint | Method::TwoStep => Method::TwoStep,
+            Method::Paper => Method::Paper,
+        };
+        Self {
+            is_joint: method == Method::Joint,
+            calibration: CalibrationSettings {
+                method: two_steps,
+                ..self.calibration
+            },
+            ..self
+        }
+    }
+
+    /// The project with this file as its reference, or without a reference.
+    pub fn with_reference(self, path: Option<PathBuf>) -> Self {
+        Self {
+            reference: path.map(|path| Reference { path }),
+            ..self
+        }
+    }
+
+    /// The project without its other drives.
+    pub fn alone(self) -> Self {
+        Self {
+            drives: Vec::new(),
+            evaluations: Vec::new(),
+            ..self
+        }
     }
 
     /// The project as a project file with all values in use, which reads back as the same project.
