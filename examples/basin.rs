@@ -13,7 +13,7 @@ use boresight::Result;
 use boresight::calibration::{Calibration, ScannerSample};
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::pipeline::stages::{self, EstimatedPoses};
-use boresight::pipeline::start;
+use boresight::pipeline::{Rig, start};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use nalgebra::DVector;
@@ -37,6 +37,7 @@ const SAME: (f64, f64) = (0.005, 0.1);
 struct Drive {
     name: &'static str,
     project: Project,
+    rig: Rig,
     poses: EstimatedPoses,
     samples: Vec<ScannerSample>,
     reference: Vec<Vec3>,
@@ -45,23 +46,26 @@ struct Drive {
 impl Drive {
     fn read(name: &'static str, project: Project) -> Result<Self> {
         let poses = stages::poses(&project, &Silent)?;
+        let rig = Rig::new(&project);
         Ok(Self {
             name,
-            samples: stages::samples(&project, poses.trajectory(), &Silent)?,
+            samples: stages::samples(&project, &rig, poses.trajectory(), &Silent)?,
             reference: stages::reference(&project, &Silent)?,
             poses,
+            rig,
             project,
         })
     }
 
     /// The calibration from these mountings, and the codes of its warnings.
     fn from(&self, start: &[BodyFromScanner]) -> Result<(Calibration, Vec<String>)> {
-        let project = stages::with_mountings(&self.project, start);
+        let (project, rig) = (&self.project, self.rig.with_poses(start));
         let (trajectory, samples) = (self.poses.trajectory(), self.samples.as_slice());
-        let start = start::start(&project, trajectory, samples, &self.reference, &Silent);
+        let start = start::start(project, &rig, trajectory, samples, &self.reference, &Silent);
         let found = stages::calibration(
-            &start.project(&project),
-            &start.settings(&project),
+            project,
+            &start.rig.mountings,
+            &start.rig.settings(project),
             &self.poses,
             samples,
             &self.reference,
@@ -78,7 +82,7 @@ impl Drive {
     }
 
     fn basin(&self, starts: usize) -> Result<()> {
-        let (calibration, said) = self.from(&stages::initial_poses(&self.project))?;
+        let (calibration, said) = self.from(&self.rig.poses())?;
         println!("{}: from the project's start {said:?}", self.name);
         let result = calibration.poses();
         let held = calibration.observability.unobservable.iter();

@@ -17,11 +17,11 @@ const FIRST: f64 = 1e-6;
 const OTHER: f64 = 0.02;
 
 pub fn compare(field: &FieldDay, day: u64) -> Result<()> {
-    let mut project = field.project.clone();
-    let in_use = right_in_left(&stages::initial_poses(&project));
-    project.scanners[0].fixed = [true; 6];
-    let poses = stages::poses(&project, &Silent)?;
-    let samples = stages::samples(&project, poses.trajectory(), &Silent)?;
+    let (project, mut rig) = (&field.project, field.rig.clone());
+    let in_use = right_in_left(&rig.poses());
+    rig.mountings[0].fixed = [true; 6];
+    let poses = stages::poses(project, &Silent)?;
+    let samples = stages::samples(project, &rig, poses.trajectory(), &Silent)?;
     let show = |name: &str, seconds: f64, found: &Calibration| {
         let at = offset(&in_use, &right_in_left(&found.poses()));
         let covariance = found.relative_covariance(1).unwrap_or_default();
@@ -35,7 +35,8 @@ pub fn compare(field: &FieldDay, day: u64) -> Result<()> {
     };
     let begun = Instant::now();
     let mut found = stages::calibration(
-        &project,
+        project,
+        &rig.mountings,
         &project.calibration,
         &poses,
         &samples,
@@ -45,14 +46,15 @@ pub fn compare(field: &FieldDay, day: u64) -> Result<()> {
     show("two steps", begun.elapsed().as_secs_f64(), &found);
     let drive = Drive {
         name: "day",
-        project: &project,
+        project,
+        rig: &rig,
         poses: &poses,
         samples: &samples,
     };
     let sigma = |i: usize, _| if i < 6 { FIRST } else { OTHER };
     let known = DMatrix::from_diagonal(&DVector::from_fn(12, sigma).map(|s| s * s));
     let begun = Instant::now();
-    match with_known_mountings(&drive, stages::mountings(&project), &known, &Silent) {
+    match with_known_mountings(&drive, &known, &Silent) {
         Ok(joint) => {
             found.mountings = joint.mountings;
             found.covariance = Some(joint.covariance);

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use boresight::project::Project;
+use boresight::project::{Project, scanners_to_toml};
 
 /// Longest time that reading may take.
 const LONGEST: Duration = Duration::from_secs(1);
@@ -23,7 +23,7 @@ fn read(path: &Path) {
     std::fs::write(path, &printed).expect("the project is written");
     let again = read_one(path).unwrap_or_else(|| panic!("unreadable:\n{printed}"));
     assert_eq!(again, project, "{printed}");
-    project.scanners_to_toml().expect("a path of text");
+    scanners_to_toml(&project.scanners).expect("a path of text");
 }
 
 fn read_one(path: &Path) -> Option<Project> {

@@ -332,7 +332,9 @@ impl Planner<'_> {
     fn files_of(&self, project: &ProjectText, with_reference: bool) -> Result<Vec<String>> {
         let root = self.campaign.folder();
         let mut project = project.project(root)?;
-        project.reference = project.reference.filter(|_| with_reference);
+        if !with_reference {
+            project = project.with_reference(None);
+        }
         let files = project.files().into_iter();
         Ok(files.map(|file| relative(&file, root)).collect())
     }

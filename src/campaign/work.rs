@@ -10,9 +10,9 @@ use super::item::{self, Failure, Item, MountingsFrom, ProjectText, Task};
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Location, Result};
 use crate::output::Staging;
-use crate::pipeline::{self, Options, Tile, hash_of};
+use crate::pipeline::{self, Options, Rig, Tile, hash_of};
 use crate::progress::Progress;
-use crate::project::{Project, Reference};
+use crate::project::Project;
 use crate::tiles::peak_memory_bytes;
 use crate::verdict::Verdict;
 
@@ -71,10 +71,8 @@ fn results(
 ) -> Result<Value> {
     Ok(match &item.task {
         Task::Calibration { project } => {
-            let mut project = project.project(root)?;
             // Only the main drive is processed, and only its files are inputs.
-            project.drives.clear();
-            project.evaluations.clear();
+            let project = project.project(root)?.alone();
             project.check_files()?;
             let done = pipeline::calibrate(&project, options, progress)?;
             move_paths(&done.files, root, &options.out)?;
@@ -86,22 +84,22 @@ fn results(
             reference,
             tile_m,
         } => {
-            let (mut project, verdict) = placed(project, mountings, root, out)?;
-            if let Some(path) = reference {
-                project.reference = Some(Reference {
-                    path: root.join(path),
-                });
-            }
+            let (project, rig, verdict) = placed(project, mountings, root, out)?;
+            let project = match reference {
+                Some(path) => project.with_reference(Some(root.join(path))),
+                None => project,
+            };
             project.check_files()?;
             let name = item.to_string();
-            pipeline::field(&project, (&name, *tile_m, verdict), options, progress)?.result
+            let named = (name.as_str(), *tile_m, verdict);
+            pipeline::field(&project, &rig, named, options, progress)?.result
         }
         Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
         Task::Overlap { project, mountings } => {
-            let (mut project, _) = placed(project, mountings, root, out)?;
-            project.reference = None;
+            let (project, rig, _) = placed(project, mountings, root, out)?;
+            let project = project.with_reference(None);
             project.check_files()?;
-            json!({ "overlap": pipeline::overlap(&project, progress)? })
+            json!({ "overlap": pipeline::overlap(&project, &rig, progress)? })
         }
         Task::Refused(Failure { problem, remedy }) => {
             return Err(Error::data(problem, remedy.clone().unwrap_or_default()));
@@ -182,28 +180,28 @@ fn strip_times(result: &mut Value) {
     }
 }
 
-/// The project of a drive with its mountings, and the verdicts on these.
+/// The project of a drive, its scanners, and the verdict on their mountings.
 fn placed(
     project: &ProjectText,
     mountings: &MountingsFrom,
     root: &Path,
     out: &Path,
-) -> Result<(Project, Option<Verdict>)> {
-    let mut project = project.project(root)?;
+) -> Result<(Project, Rig, Option<Verdict>)> {
     // A calibration is not evaluated in a campaign.
-    project.drives.clear();
-    project.evaluations.clear();
+    let project = project.project(root)?.alone();
     let calibration = match mountings {
         MountingsFrom::Project => None,
         MountingsFrom::File(path) => Some(root.join(path)),
         MountingsFrom::Item(name) => Some(item::folder_of(out, name).join("calibration.toml")),
     };
-    let mut verdict = None;
-    if let Some(path) = calibration {
-        project = project.with_calibration(&path)?;
-        verdict = pipeline::marked_unusable(&path)?;
-    }
-    Ok((project, verdict))
+    let (rig, verdict) = match calibration {
+        Some(path) => {
+            let rig = Rig::calibrated(&project, &path)?;
+            (rig, pipeline::marked_unusable(&path)?)
+        }
+        None => (Rig::new(&project), None),
+    };
+    Ok((project, rig, verdict))
 }
 
 /// Compares the tiles of two drives.

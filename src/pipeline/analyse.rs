@@ -12,7 +12,6 @@ use super::keys::{Key, Keys};
 use super::outcome::Options;
 use super::own::Own;
 use super::stages::EstimatedPoses;
-use super::start::Start;
 use super::{clouds, drives, kept_page, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, Variant};
 use crate::error::{Error, Result};
@@ -59,28 +58,28 @@ pub fn analyse(
     let mut own = Own::new(project);
 
     let (poses, mut calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
-    let project = &calibrated.project.clone();
-    let variants = calibrate_variants((project, &calibrated.start), extras, &own, &keys, &mut job)?;
+    let variants = calibrate_variants(&calibrated, extras, &own, &keys, &mut job)?;
     calibrated.variants.extend(variants);
     own.forget_poses_and_samples();
-    let placed = stages::with_latencies(project, calibrated.accepted());
-    let adjusted = drives::Adjusted::new(&placed, &poses, calibrated.accepted())?;
+    let rig = calibrated.resulting_rig();
+    let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
     let mounted = Mounted {
-        mountings: &calibrated.result.poses(),
+        rig: &rig,
         bending: &adjusted.bending,
     };
     let mut kept = None;
     let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
     job.once_writing("georeference", &cloud_names, &keys.joint, |progress| {
-        let open = clouds::into_files(&cloud_paths, placed.origin_m);
-        let written = Some((mounted, &*open));
-        let points = clouds::stream(&placed, &adjusted.trajectory, written, progress)?;
+        let open = clouds::into_files(&cloud_paths, project.origin_m);
+        let trajectory = &adjusted.trajectory;
+        let points = clouds::stream(project, trajectory, mounted, Some(&*open), progress)?;
         kept = Some(points);
         Ok(())
     })?;
     let mountings = calibrated.mountings(extras.truth.as_ref());
     let compared = drives::Compared {
-        project: &placed,
+        project,
+        rig: &rig,
         mountings: &mountings,
         calibration: &calibrated.result,
         keys: &keys,
@@ -101,14 +100,19 @@ pub fn analyse(
 
 /// Calibrates the same drive under all other conditions that `extras` and the reference allow.
 fn calibrate_variants(
-    (project, start): (&Project, &Start),
+    calibrated: &Calibrated<'_>,
     extras: &Extras,
     own: &Own<'_>,
     keys: &Keys,
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {
-    let begin = start.project(project);
-    let settings = start.settings(project);
+    let Calibrated {
+        project,
+        rig,
+        start,
+        ..
+    } = calibrated;
+    let (begin, settings) = (&start.rig.mountings, start.rig.settings(project));
     let mut calibrate =
         |name: &str, key: &Key, work: &dyn Fn(&dyn Progress) -> Result<Calibration>| {
             job.once(name, key, |progress| {
@@ -120,8 +124,8 @@ fn calibrate_variants(
     let mut variants = Vec::new();
     if project.reference.is_some() {
         let calibration = calibrate("calibrate without reference", key, &|progress| {
-            let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
-            stages::calibration(&begin, &settings, poses, samples, &[], progress)
+            let (poses, samples) = (own.poses(progress)?, own.samples(rig, progress)?);
+            stages::calibration(project, begin, &settings, poses, samples, &[], progress)
         });
         variants.push((Variant::WithoutReference, calibration?));
     }
@@ -129,9 +133,11 @@ fn calibrate_variants(
         let key = key.clone().with(&truth.trajectory);
         let calibration = calibrate("calibrate with exact poses", &key, &|progress| {
             let exact = EstimatedPoses::from_file(truth.trajectory.clone());
-            let samples = stages::samples(&begin, exact.trajectory(), progress)?;
+            let samples = stages::samples(project, &start.rig, exact.trajectory(), progress)?;
             let reference = own.reference(progress)?;
-            stages::calibration(&begin, &settings, &exact, &samples, reference, progress)
+            stages::calibration(
+                project, begin, &settings, &exact, &samples, reference, progress,
+            )
         });
         variants.push((Variant::ExactPoses, calibration?));
     }
@@ -144,9 +150,9 @@ fn calibrate_variants(
         };
         let key = key.clone().with(&paper);
         let calibration = calibrate("calibrate as the paper", &key, &|progress| {
-            let (poses, samples) = (own.poses(progress)?, own.samples(project, progress)?);
+            let (poses, samples) = (own.poses(progress)?, own.samples(rig, progress)?);
             let reference = own.reference(progress)?;
-            stages::calibration(&begin, &paper, poses, samples, reference, progress)
+            stages::calibration(project, begin, &paper, poses, samples, reference, progress)
         });
         variants.push((Variant::Paper, calibration?));
     }
@@ -160,7 +166,8 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         stages::write_trajectory(&path, &own.poses, &project.origin_m)?;
     }
     calibrated::write(project, findings, job)?;
-    job.write("project.toml", &project.to_toml()?)?;
+    let scales = &findings.rig.voxel_sizes_m;
+    job.write("project.toml", &project.to_toml_with_scales(scales)?)?;
     let mut content = page::content(project, findings, extras)?;
     for file in &csv::FILES {
         let text = file.text(&content);

@@ -4,6 +4,7 @@ use super::findings::{Findings, Truth};
 use super::job::Job;
 use super::keys::Keys;
 use super::own::Own;
+use super::rig::Rig;
 use super::start::{self, Start};
 use super::{drives, joint, mounting, page, result, stages};
 use crate::calibration::{Calibration, Method, Minimum, Variant};
@@ -16,13 +17,14 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::results::Drive;
-use crate::stored::stored;
 use crate::verdict::Severity;
 
 /// The results of the stages.
-pub struct Calibrated {
-    /// The project with the scales that follow from its points.
-    pub project: Project,
+pub struct Calibrated<'a> {
+    /// The project.
+    pub project: &'a Project,
+    /// The scanners before the calibration, with the scales that suit their points.
+    pub rig: Rig,
     /// The reference, thinned for drawing.
     pub background_m: Vec<Vec3>,
     /// The start values of the calibration.
@@ -35,13 +37,13 @@ pub struct Calibrated {
     pub joint: Option<JointReport>,
 }
 
-impl Calibrated {
+impl<'a> Calibrated<'a> {
     /// Runs the stages on the project's own drive; returns its poses before the adjustment, too.
     ///
     /// # Errors
     /// The first error of any stage.
     pub fn find(
-        project: &Project,
+        project: &'a Project,
         own: &Own<'_>,
         keys: &Keys,
         job: &mut Job<'_>,
@@ -52,28 +54,28 @@ impl Calibrated {
         let poses = job.once("trajectory", &keys.poses, |progress| {
             Ok(own.poses(progress)?.poses.clone())
         })?;
-        let sampled = job.once("sample", &keys.calibration, |progress| {
-            let scaled = start::with_scales(project, &poses.trajectory, progress)?;
-            let samples = own.samples(&scaled, progress)?;
-            stages::check_reference(&scaled, samples, own.reference(progress)?)?;
-            Ok(Sampled {
-                voxel_sizes_m: scaled.calibration.voxel_sizes_m.clone(),
-            })
+        let rig = job.once("sample", &keys.calibration, |progress| {
+            let initial = Rig::new(project);
+            let rig = start::with_scales(project, &initial, &poses.trajectory, progress)?;
+            let samples = own.samples(&rig, progress)?;
+            stages::check_reference(project, &rig, samples, own.reference(progress)?)?;
+            Ok(rig)
         })?;
-        let project = sampled.project(project);
         let start = job.once("check placement", &keys.calibration, |progress| {
-            let samples = own.samples(&project, progress)?;
+            let samples = own.samples(&rig, progress)?;
             let reference = own.reference(progress)?;
             let trajectory = &poses.trajectory;
             Ok(start::start(
-                &project, trajectory, samples, reference, progress,
+                project, &rig, trajectory, samples, reference, progress,
             ))
         })?;
         let two_steps = job.once("calibrate", &keys.calibration, |progress| {
-            let (begin, settings) = (start.project(&project), start.settings(&project));
-            let (poses, samples) = (own.poses(progress)?, own.samples(&project, progress)?);
+            let (begin, settings) = (&start.rig.mountings, start.rig.settings(project));
+            let (poses, samples) = (own.poses(progress)?, own.samples(&rig, progress)?);
             let reference = own.reference(progress)?;
-            stages::calibration(&begin, &settings, poses, samples, reference, progress)
+            stages::calibration(
+                project, begin, &settings, poses, samples, reference, progress,
+            )
         })?;
         // Refusing scans that are badly misplaced would otherwise take minutes.
         let mut verdicts = poses.preflight.iter().chain(&start.verdicts);
@@ -88,10 +90,11 @@ impl Calibrated {
         let joint = match (project.is_joint, hindrance) {
             (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
                 let drive = joint::Drive {
-                    name: &drives::name_of(&project),
-                    project: &project,
+                    name: &drives::name_of(project),
+                    project,
+                    rig: &rig,
                     poses: own.poses(progress)?,
-                    samples: own.samples(&project, progress)?,
+                    samples: own.samples(&rig, progress)?,
                 };
                 joint::report(&drive, &two_steps, own.reference(progress)?, progress)
             })?),
@@ -110,6 +113,7 @@ impl Calibrated {
         };
         let calibrated = Self {
             project,
+            rig,
             background_m,
             start,
             result,
@@ -124,10 +128,29 @@ impl Calibrated {
         self.joint.as_ref().and_then(JointReport::accepted)
     }
 
+    /// The scanners with the values found: the mountings, and the latencies and the compliance of a joint adjustment.
+    pub fn resulting_rig(&self) -> Rig {
+        let joint = self.accepted();
+        let late_s = |scanner: usize| joint?.late_s.get(scanner).copied().flatten();
+        let offsets_s = self.rig.time_offsets_s.iter().enumerate();
+        let offsets_s = offsets_s.map(|(scanner, offset_s)| match late_s(scanner) {
+            Some((late_s, _)) => offset_s - late_s,
+            None => *offset_s,
+        });
+        let scanners = 0..self.rig.mountings.len();
+        Rig {
+            mountings: self.result.mountings.clone(),
+            time_offsets_s: offsets_s.collect(),
+            compliance: scanners
+                .map(|scanner| joint?.compliance.get(scanner).copied())
+                .collect(),
+            voxel_sizes_m: self.rig.voxel_sizes_m.clone(),
+        }
+    }
+
     /// The mountings for which clouds are compared: initial, two steps, final, and the truth if known.
     pub fn mountings(&self, truth: Option<&Truth>) -> Vec<(MountingKind, Vec<BodyFromScanner>)> {
-        let initial = stages::initial_poses(&self.project);
-        let mut mountings = vec![(MountingKind::Initial, initial)];
+        let mut mountings = vec![(MountingKind::Initial, self.rig.poses())];
         let mut variants = self.variants.iter();
         let two_steps = variants.find(|(variant, _)| *variant == Variant::TwoStep);
         mountings
@@ -144,7 +167,7 @@ impl Calibrated {
         drives: Vec<Drive>,
         job: &mut Job<'_>,
     ) -> Findings {
-        let project = &self.project;
+        let (project, rig) = (self.project, self.resulting_rig());
         let solution = drives.first().and_then(|drive| drive.solution.as_ref());
         // An error of the origin moves no point of a drive, so it is added only here.
         let origin_sigma_m = stages::origin_sigma_m(project, solution);
@@ -156,6 +179,7 @@ impl Calibrated {
         });
         job.warn_of_changes();
         let mut findings = Findings {
+            rig,
             calibration,
             joint: self.joint,
             variants: variants.collect(),
@@ -174,22 +198,6 @@ impl Calibrated {
         };
         findings.verdicts = judgement::judge(&findings.results(), &project.acceptance);
         findings
-    }
-}
-
-/// Properties of a project that follow from its samples.
-struct Sampled {
-    voxel_sizes_m: Vec<f64>,
-}
-stored!(struct Sampled { voxel_sizes_m });
-
-impl Sampled {
-    /// The project with the scales that follow from its points.
-    fn project(&self, project: &Project) -> Project {
-        let mut project = project.clone();
-        project.has_auto_scales = false;
-        project.calibration.voxel_sizes_m = self.voxel_sizes_m.clone();
-        project
     }
 }
 
@@ -212,9 +220,8 @@ pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 /// A file cannot be written.
 pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
     let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
-    let placed = stages::with_latencies(project, accepted);
-    let placed = stages::with_mountings(&placed, &findings.calibration.poses());
-    let text = result::marked_toml(&placed, &findings.verdicts)?;
+    let scanners = findings.rig.scanners(project);
+    let text = result::marked_toml(&scanners, &findings.verdicts)?;
     job.write("calibration.toml", &text)?;
     if let Some(own) = findings.drives.first() {
         let moved = accepted.and_then(|joint| joint.drives.first());
@@ -225,14 +232,9 @@ pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()
     Ok(())
 }
 
-/// The project with `method` in place of its own.
+/// The project with `method` in place of its own; warns of what it then does not use.
 pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
-    let mut project = project.clone();
-    project.is_joint = method == Method::Joint;
-    project.calibration.method = match method {
-        Method::Joint | Method::TwoStep => Method::TwoStep,
-        Method::Paper => Method::Paper,
-    };
+    let project = project.clone().with_method(method);
     if !project.is_joint {
         let estimates = |scanner: &Scanner| scanner.estimate_time_offset;
         let unused = [

@@ -3,16 +3,17 @@
 use std::path::PathBuf;
 
 use super::job::Job;
+use super::rig::Rig;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
 use crate::error::{Error, Result};
 use crate::format::{
     self, CloudClock, CloudPoint, CloudShape, CloudSink, CloudWriter, ExtraDimension, ExtraKind,
 };
-use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::geometry::{Bending, Vec3};
 use crate::georeference::Georeferencer;
-use crate::joint::{BENDING_STEP_S, loads};
+use crate::joint::{BENDING_STEP_S, Compliance, loads};
 use crate::progress::Progress;
-use crate::project::{Project, Scanner};
+use crate::project::Project;
 use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
@@ -21,40 +22,42 @@ use crate::trajectory::Trajectory;
 /// points still put tens of points into each cylinder.
 const MAX_KEPT: usize = 2_000_000;
 
-/// The mountings of the scanners on the body.
+/// The scanners on a body whose frame may bend.
 #[derive(Debug, Clone, Copy)]
 pub struct Mounted<'a> {
-    /// The mounting of each scanner.
-    pub mountings: &'a [BodyFromScanner],
+    /// The scanners.
+    pub rig: &'a Rig,
     /// The motion of each scanner about its mounting along the drive; empty if mountings are rigid.
     pub bending: &'a [Bending],
 }
 
 impl<'a> Mounted<'a> {
     /// Mountings that are rigid.
-    pub fn rigid(mountings: &'a [BodyFromScanner]) -> Self {
-        Self {
-            mountings,
-            bending: &[],
-        }
+    pub fn rigid(rig: &'a Rig) -> Self {
+        Self { rig, bending: &[] }
+    }
+
+    /// Places points of the scanner with this number on a trajectory.
+    fn georeferencer(&self, scanner: usize, trajectory: &'a Trajectory) -> Georeferencer<'a> {
+        let place = self.rig.georeferencer(scanner, trajectory);
+        place.with_bending(self.bending.get(scanner))
     }
 }
 
-/// The motion of a project's mountings along a drive by their compliance; empty if none has a compliance.
-pub fn bending(project: &Project, trajectory: &Trajectory) -> Vec<Bending> {
-    if project.scanners.iter().all(|s| s.compliance.is_none()) {
+/// The motion of the mountings along a drive by their compliance; empty if none has a compliance.
+pub fn bending(rig: &Rig, trajectory: &Trajectory) -> Vec<Bending> {
+    if rig.compliance.iter().all(Option::is_none) {
         return Vec::new();
     }
     // Loads are also known where poses are too uncertain to place points.
     let loads = loads(&trajectory.clone().without_limits());
-    let scanners = project.scanners.iter();
-    let bending = |scanner: &Scanner| {
+    let bending = |compliance: &Option<Compliance>| {
         Bending::sampled(trajectory.span_s(), BENDING_STEP_S, |time_s| {
-            let compliance = scanner.compliance.as_ref();
+            let compliance = compliance.as_ref();
             compliance.map_or([0.0; 6], |c| c.offset(&loads.at(time_s)))
         })
     };
-    scanners.map(bending).collect()
+    rig.compliance.iter().map(bending).collect()
 }
 
 /// An even sample of the laser points of one scanner.
@@ -157,8 +160,8 @@ pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
     })
 }
 
-/// Reads all profiles of the project once and keeps an even sample of each scanner's points. If `placed` gives a
-/// mounting and a sink for the points of each scanner, all points are also placed and written.
+/// Reads all profiles of the project once and keeps an even sample of each scanner's points. With `open`, all points are
+/// also placed and written.
 ///
 /// # Errors
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
@@ -166,7 +169,8 @@ pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
 pub fn stream(
     project: &Project,
     trajectory: &Trajectory,
-    placed: Option<(Mounted<'_>, &OpenSink<'_>)>,
+    mounted: Mounted<'_>,
+    open: Option<&OpenSink<'_>>,
     progress: &dyn Progress,
 ) -> Result<KeptPoints> {
     let jobs = project
@@ -188,20 +192,15 @@ pub fn stream(
         .flat_map(|job| &job.2)
         .map(|reader| reader.bytes_total())
         .sum();
-    let shape = placed.map(|_| shape(project, trajectory)).transpose()?;
+    let shape = open.map(|_| shape(project, trajectory)).transpose()?;
     let stage = progress.stage("georeferencing", bytes);
     let samples = in_parallel(jobs, |(number, scanner, readers)| {
         let index = usize::from(number);
-        let (pose, bending, mut writer) = match placed {
-            Some((mounted, open)) => {
-                let writer = open(index, shape.as_ref().unwrap_or(&CloudShape::default()))?;
-                let bending = mounted.bending.get(index);
-                (mounted.mountings[index], bending, Some(writer))
-            }
-            None => (scanner.body_from_scanner, None, None),
+        let mut writer = match (open, &shape) {
+            (Some(open), Some(shape)) => Some(open(index, shape)?),
+            _ => None,
         };
-        let place = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
-        let mut place = place.with_bending(bending);
+        let mut place = mounted.georeferencer(index, trajectory);
         let mut sample = EvenSample::new(MAX_KEPT);
         let mut chunk = Vec::new();
         let mut values = Values::new(number);
@@ -209,7 +208,7 @@ pub fn stream(
             let mut bytes = 0;
             while reader.next_chunk(&mut chunk)? {
                 for point in &chunk {
-                    let time_s = point.time_s + scanner.time_offset_s;
+                    let time_s = point.time_s + mounted.rig.time_offsets_s[index];
                     if values.next(time_s) && writer.is_some() {
                         values.look_up_sigma(trajectory);
                     }
@@ -257,17 +256,10 @@ pub fn stream(
 }
 
 /// Places kept points with these mountings.
-pub fn place(
-    project: &Project,
-    trajectory: &Trajectory,
-    mounted: Mounted<'_>,
-    kept: &KeptPoints,
-) -> Vec<Vec<Vec3>> {
-    let scanners = project.scanners.iter().zip(mounted.mountings).zip(kept);
-    let jobs: Vec<_> = scanners.enumerate().collect();
-    in_parallel(jobs, |(index, ((scanner, pose), kept))| {
-        let place = Georeferencer::new(trajectory, *pose, scanner.time_offset_s);
-        let mut place = place.with_bending(mounted.bending.get(index));
+pub fn place(trajectory: &Trajectory, mounted: Mounted<'_>, kept: &KeptPoints) -> Vec<Vec<Vec3>> {
+    let jobs: Vec<_> = kept.iter().enumerate().collect();
+    in_parallel(jobs, |(index, kept)| {
+        let mut place = mounted.georeferencer(index, trajectory);
         let points = kept.points.iter();
         points.filter_map(|(_, point)| place.place(point)).collect()
     })
@@ -297,6 +289,6 @@ pub fn write(
     let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
         let open = into_files(&files, project.origin_m);
-        stream(project, trajectory, Some((mounted, &*open)), progress)
+        stream(project, trajectory, mounted, Some(&*open), progress)
     })
 }

@@ -173,9 +173,7 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     let keys = Keys::new(project, &Inputs::default())?;
     let own = Own::new(project);
     let (poses, calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
-    let project = &calibrated.project.clone();
-    let placed = stages::with_latencies(project, calibrated.accepted());
-    let adjusted = drives::Adjusted::new(&placed, &poses, calibrated.accepted())?;
+    let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
     let poses = stages::Poses {
         trajectory: adjusted.trajectory,
         ..poses

@@ -7,6 +7,7 @@ use super::job::Job;
 use super::joint;
 use super::keys::{Key, Keys};
 use super::own::Own;
+use super::rig::Rig;
 use super::scene;
 use super::stages::{self, EstimatedPoses, Poses};
 use crate::calibration::{Calibration, Method};
@@ -65,10 +66,20 @@ impl Adjusted {
 /// A drive, and its clouds for the viewer.
 pub type Shown = (Drive, Option<Scene>);
 
+/// A drive to be compared.
+#[derive(Clone, Copy)]
+struct ComparedDrive<'a> {
+    name: &'a str,
+    project: &'a Project,
+    rig: &'a Rig,
+}
+
 /// The data with which the drives of a project are compared.
 pub struct Compared<'a> {
     /// The project.
     pub project: &'a Project,
+    /// The scanners as the calibration found them.
+    pub rig: &'a Rig,
     /// The mountings with which points are placed.
     pub mountings: &'a Mountings,
     /// The calibration.
@@ -89,18 +100,21 @@ impl Compared<'_> {
         own: &Own<'_>,
         job: &mut Job<'_>,
     ) -> Result<Vec<Shown>> {
-        let project = self.project;
+        let drive = ComparedDrive {
+            name: &name_of(self.project),
+            project: self.project,
+            rig: self.rig,
+        };
         let key = self.keyed(self.keys.joint.clone());
         let first = job.once("compare", &key, |progress| {
             let kept = match kept {
                 Some(kept) => kept,
-                None => clouds::stream(project, &adjusted.trajectory, None, progress)?,
+                None => drive.kept(&adjusted.trajectory, progress)?,
             };
-            let placed = (poses, &adjusted);
-            self.drive((&name_of(project), project), placed, (own, &kept), progress)
+            self.drive(drive, (poses, &adjusted), (own, &kept), progress)
         })?;
         let mut drives = vec![first];
-        for (other, key) in project.evaluations.iter().zip(&self.keys.evaluations) {
+        for (other, key) in self.project.evaluations.iter().zip(&self.keys.evaluations) {
             let key = self.keyed(key.clone());
             let stage = format!("evaluate {}", other.name);
             drives.push(job.once(&stage, &key, |progress| {
@@ -117,29 +131,36 @@ impl Compared<'_> {
 
     fn evaluated(
         &self,
-        OtherDrive { name, project }: &OtherDrive,
+        other: &OtherDrive,
         own: &Own<'_>,
         progress: &dyn Progress,
     ) -> Result<Shown> {
-        let mut other = stages::aligned(self.project, Project::read(project)?)?;
-        for (scanner, own) in other.scanners.iter_mut().zip(&self.project.scanners) {
-            scanner.compliance = own.compliance;
-        }
-        let estimated = stages::poses(&other, progress)?;
-        let kept = clouds::stream(&other, estimated.trajectory(), None, progress)?;
-        let adjusted = adjusted_alone((name, &other), &estimated, self.calibration, progress)?;
+        let project = &other.read(self.project)?;
+        let rig = &Rig {
+            mountings: self.rig.mountings.clone(),
+            compliance: self.rig.compliance.clone(),
+            ..self.rig.of_drive(project)
+        };
+        let drive = ComparedDrive {
+            name: &other.name,
+            project,
+            rig,
+        };
+        let estimated = stages::poses(project, progress)?;
+        let kept = drive.kept(estimated.trajectory(), progress)?;
+        let adjusted = drive.adjusted_alone(&estimated, self.calibration, progress)?;
         let poses = estimated.poses;
         let adjusted = adjusted.unwrap_or_else(|| Adjusted {
-            bending: clouds::bending(&other, &poses.trajectory),
+            bending: clouds::bending(rig, &poses.trajectory),
             trajectory: poses.trajectory.clone(),
             planes: Vec::new(),
         });
-        self.drive((name, &other), (poses, &adjusted), (own, &kept), progress)
+        self.drive(drive, (poses, &adjusted), (own, &kept), progress)
     }
 
     fn drive(
         &self,
-        (name, project): (&str, &Project),
+        ComparedDrive { name, project, rig }: ComparedDrive<'_>,
         (poses, adjusted): (Poses, &Adjusted),
         (own, kept): (&Own<'_>, &KeptPoints),
         progress: &dyn Progress,
@@ -155,11 +176,10 @@ impl Compared<'_> {
         };
         let place = |(kind, mountings): &(MountingKind, Vec<BodyFromScanner>)| {
             let mounted = Mounted {
-                mountings,
+                rig: &rig.with_poses(mountings),
                 bending: bending_of(*kind),
             };
-            let trajectory = trajectory_of(*kind);
-            (*kind, clouds::place(project, trajectory, mounted, kept))
+            (*kind, clouds::place(trajectory_of(*kind), mounted, kept))
         };
         let placed: Vec<_> = self.mountings.iter().map(place).collect();
         let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
@@ -175,6 +195,7 @@ impl Compared<'_> {
             });
             let shown = scene::Shown {
                 project,
+                rig,
                 kept,
                 agreements: &agreements,
                 settings,
@@ -192,51 +213,58 @@ impl Compared<'_> {
     }
 }
 
-/// The poses of an evaluation drive and the motion of its mountings, adjusted with its own scans and without the
-/// reference, by the mountings of a joint adjustment; `None` after two steps, and if the drive cannot be adjusted or is
-/// contradicted.
-fn adjusted_alone(
-    (name, project): (&str, &Project),
-    poses: &EstimatedPoses,
-    calibration: &Calibration,
-    progress: &dyn Progress,
-) -> Result<Option<Adjusted>> {
-    let (Method::Joint, Some(covariance)) = (calibration.method, &calibration.covariance) else {
-        return Ok(None);
-    };
-    let calibrated = stages::with_mountings(project, &calibration.poses());
-    let samples = stages::samples(&calibrated, poses.trajectory(), progress)?;
-    let drive = joint::Drive {
-        name,
-        project: &calibrated,
-        poses,
-        samples: &samples,
-    };
-    let mountings = calibration.mountings.clone();
-    let adjusted = joint::with_known_mountings(&drive, mountings, covariance, progress);
-    let keeps =
-        |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
-    match adjusted {
-        Ok(joint) => {
-            if let Some(reason) = contradictions(&joint).first() {
-                keeps(reason);
-                return Ok(None);
+impl ComparedDrive<'_> {
+    /// An even sample of the points of each scanner.
+    fn kept(&self, trajectory: &Trajectory, progress: &dyn Progress) -> Result<KeptPoints> {
+        let mounted = Mounted::rigid(self.rig);
+        clouds::stream(self.project, trajectory, mounted, None, progress)
+    }
+
+    /// The poses of an evaluation drive and the motion of its mountings, adjusted with its own scans and without the
+    /// reference, by the mountings of a joint adjustment; `None` after two steps, and if the drive cannot be adjusted or
+    /// is contradicted.
+    fn adjusted_alone(
+        &self,
+        poses: &EstimatedPoses,
+        calibration: &Calibration,
+        progress: &dyn Progress,
+    ) -> Result<Option<Adjusted>> {
+        let (Method::Joint, Some(covariance)) = (calibration.method, &calibration.covariance)
+        else {
+            return Ok(None);
+        };
+        let &Self { name, project, rig } = self;
+        let drive = joint::Drive {
+            name,
+            project,
+            rig,
+            poses,
+            samples: &stages::samples(project, rig, poses.trajectory(), progress)?,
+        };
+        let keeps =
+            |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+        match joint::with_known_mountings(&drive, covariance, progress) {
+            Ok(joint) => {
+                if let Some(reason) = contradictions(&joint).first() {
+                    keeps(reason);
+                    return Ok(None);
+                }
+                let drive = joint.drives.into_iter().next();
+                let placed = drive.map(|drive| {
+                    let bending = drive.bending.into_iter().map(|moved| moved.offsets);
+                    Ok(Adjusted {
+                        trajectory: drive.trajectory.with_limits(project.limits)?,
+                        bending: bending.collect(),
+                        planes: joint.planes,
+                    })
+                });
+                placed.transpose()
             }
-            let drive = joint.drives.into_iter().next();
-            let placed = drive.map(|drive| {
-                let bending = drive.bending.into_iter().map(|moved| moved.offsets);
-                Ok(Adjusted {
-                    trajectory: drive.trajectory.with_limits(project.limits)?,
-                    bending: bending.collect(),
-                    planes: joint.planes,
-                })
-            });
-            placed.transpose()
-        }
-        Err(error) => {
-            let reason = joint::reason(error)?;
-            keeps(&reason);
-            Ok(None)
+            Err(error) => {
+                let reason = joint::reason(error)?;
+                keeps(&reason);
+                Ok(None)
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use super::clouds::{self, Mounted};
 use super::job::Job;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
+use super::rig::Rig;
 use super::tiled::Tiling;
 use super::{drives, stages};
 use crate::comparison::{Against, Agreement, MountingKind, ReferenceSurface, agreements};
@@ -20,41 +21,36 @@ use crate::verdict::Verdict;
 /// The page of a drive.
 pub const PAGE: &str = "drive.html";
 
-/// Places the points of a drive with the project's mountings on its poses, writes them as tiles and compares them;
+/// Places the points of a drive with the mountings of `rig` on its poses, writes them as tiles and compares them;
 /// `mounting_verdict` is the verdict on its mountings, if any. Equal inputs give equal bytes, wherever their files are.
 ///
 /// # Errors
 /// Errors of the stages.
 pub fn field(
     project: &Project,
+    rig: &Rig,
     (name, tile_m, mounting_verdict): (&str, f64, Option<Verdict>),
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let mut job = Job::new(&options.out, &project.inputs(), &[PAGE], progress)?;
     let poses = stages::poses(project, progress)?.poses;
-    let mountings = stages::initial_poses(project);
-    let bending = clouds::bending(project, &poses.trajectory);
+    let bending = clouds::bending(rig, &poses.trajectory);
     let mounted = Mounted {
-        mountings: &mountings,
+        rig,
         bending: &bending,
     };
     let tiling = Tiling::new(job.path("spool"), tile_m, project.scanners.len())?;
     let kept = job.timed("georeference", |progress| {
         let open: Box<clouds::OpenSink<'_>> = Box::new(|scanner, _| Ok(tiling.sink(scanner)));
-        clouds::stream(
-            project,
-            &poses.trajectory,
-            Some((mounted, &*open)),
-            progress,
-        )
+        clouds::stream(project, &poses.trajectory, mounted, Some(&*open), progress)
     })?;
     let folder = job.path("tiles");
     std::fs::create_dir_all(&folder).map_err(|error| crate::Error::io(&folder, error))?;
     let shape = clouds::shape(project, &poses.trajectory)?;
     let tiles = job.timed("tiles", |progress| tiling.write(&folder, &shape, progress))?;
     let reference = stages::reference(project, progress)?;
-    let placed = clouds::place(project, &poses.trajectory, mounted, &kept);
+    let placed = clouds::place(&poses.trajectory, mounted, &kept);
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
     let placed = [(MountingKind::Final, placed)];
     let agreements = job.timed("compare", |progress| {

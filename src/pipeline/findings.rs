@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::rig::Rig;
 use crate::calibration::{Calibration, Variant};
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
@@ -38,6 +39,8 @@ pub struct Truth {
 /// All results of a run.
 #[derive(Debug)]
 pub struct Findings {
+    /// The scanners with the values found.
+    pub rig: Rig,
     /// The calibration, with the reference if there is one.
     pub calibration: Calibration,
     /// The joint adjustment, if the project asks for it.

@@ -228,6 +228,10 @@ impl Progress for Listener<'_> {
         }
     }
 
+    fn verdict(&self, text: &str) {
+        self.progress.verdict(text);
+    }
+
     fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {
         self.progress.clouds(moment, names, points);
     }

@@ -4,23 +4,23 @@ use std::time::Instant;
 
 use nalgebra::DMatrix;
 
+use super::rig::Rig;
 use super::stages::{self, EstimatedPoses};
 use crate::adjustment::StopReason;
-use crate::calibration::{Calibration, Mounting, ScannerSample};
+use crate::calibration::{Calibration, ScannerSample};
 use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::geometry::Vec3;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
-    ChainMotion, Compliance, CorrectedPoses, CorrelatedError, Joint, JointDrive, JointInput,
-    JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
+    ChainMotion, Compliance, ContradictedLogs, CorrectedPoses, CorrelatedError, Joint, JointDrive,
+    JointInput, JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
 };
 use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
-use crate::verdict::Verdict;
 
 /// A scanner is late if the scans show a latency of more than this many standard deviations that is also large enough
 /// to matter, seconds.
@@ -33,6 +33,8 @@ pub struct Drive<'a> {
     pub name: &'a str,
     /// Its project.
     pub project: &'a Project,
+    /// Its scanners.
+    pub rig: &'a Rig,
     /// Its poses, from logs or a file.
     pub poses: &'a EstimatedPoses,
     /// A sample of each scanner's points.
@@ -52,14 +54,11 @@ pub fn report(
 ) -> Result<JointReport> {
     let begun = Instant::now();
     let project = own.project;
-    let (mut other_drives, mut verdicts) = (Vec::new(), Vec::new());
+    let (mut other_drives, mut contradicted) = (Vec::new(), Vec::new());
     for other in &project.drives {
-        let aligned = stages::with_mountings(
-            &stages::aligned(project, Project::read(&other.project)?)?,
-            &two_steps.poses(),
-        );
+        let other_project = other.read(project)?;
         let columns = |project: &Project| project.bending.as_ref().map(|log| log.columns.clone());
-        if let (Some(theirs), Some(ours)) = (columns(&aligned), columns(project))
+        if let (Some(theirs), Some(ours)) = (columns(&other_project), columns(project))
             && theirs != ours
         {
             return Err(Error::data(
@@ -70,46 +69,51 @@ pub fn report(
                 "name the same columns in the same order in all drives: mountings follow them alike",
             ));
         }
-        let estimated = stages::poses(&aligned, progress)?;
+        let rig = Rig {
+            mountings: two_steps.mountings.clone(),
+            ..own.rig.of_drive(&other_project)
+        };
+        let estimated = stages::poses(&other_project, progress)?;
         let poses = &estimated.poses;
-        let doubts = poses.doubts.iter().map(judgement::doubt);
-        let contradicted = poses.preflight.iter().cloned().chain(doubts);
-        verdicts.extend(contradicted.map(|verdict| verdict.on(&other.name)));
-        let samples = stages::samples(&aligned, &poses.trajectory, progress)?;
-        other_drives.push((other.name.as_str(), aligned, estimated, samples));
-    }
-    let mut drives = vec![input(own)];
-    drives.extend(other_drives.iter().map(|(name, project, poses, samples)| {
-        input(&Drive {
-            name,
-            project,
-            poses,
-            samples,
-        })
-    }));
-    let mut fits_alone = false;
-    let made = drives
-        .into_iter()
-        .collect::<Result<Vec<_>>>()
-        .and_then(|drives| {
-            let mut input = JointInput {
-                mountings: two_steps.mountings.clone(),
-                known: None,
-                compliance: &[],
-                estimate_latency: latencies(project),
-                drives,
-                reference,
-            };
-            let made = with_late_scanners(&mut input, project, progress);
-            let is_doubtful = match &made {
-                Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
-                Err(error) => !matches!(error, Error::Cancelled),
-            };
-            if !reference.is_empty() && is_doubtful {
-                fits_alone = fits_without_reference(input, project, progress)?;
-            }
-            made
+        contradicted.push(ContradictedLogs {
+            drive: other.name.clone(),
+            preflight: poses.preflight.clone(),
+            doubts: poses.doubts.clone(),
         });
+        let samples = stages::samples(&other_project, &rig, &poses.trajectory, progress)?;
+        other_drives.push((other.name.as_str(), other_project, rig, estimated, samples));
+    }
+    let others = other_drives.iter();
+    let others = others.map(|(name, project, rig, poses, samples)| Drive {
+        name,
+        project,
+        rig,
+        poses,
+        samples,
+    });
+    let drives = [input(own)]
+        .into_iter()
+        .chain(others.map(|drive| input(&drive)));
+    let mut fits_alone = false;
+    let made = drives.collect::<Result<Vec<_>>>().and_then(|drives| {
+        let mut input = JointInput {
+            mountings: two_steps.mountings.clone(),
+            known: None,
+            compliance: &[],
+            estimate_latency: latencies(project),
+            drives,
+            reference,
+        };
+        let made = with_late_scanners(&mut input, own, progress);
+        let is_doubtful = match &made {
+            Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
+            Err(error) => !matches!(error, Error::Cancelled),
+        };
+        if !reference.is_empty() && is_doubtful {
+            fits_alone = fits_without_reference(input, own, progress)?;
+        }
+        made
+    });
     if let Ok((joint, _)) = &made {
         show(own, joint, reference, progress);
     }
@@ -125,17 +129,12 @@ pub fn report(
             0,
             "the drive fits together without the reference, and not with it".into(),
         );
-        verdicts.push(Verdict::care(
-            "reference.placement",
-            "Without the reference the drive fits together, and no sensor contradicts it; with it, mountings would have \
-             to move, or no adjustment holds: is the reference in the coordinates of the total station, and was \
-             nothing moved since it was scanned?",
-        ));
     }
     Ok(JointReport {
         result: joint,
         refused,
-        verdicts,
+        fits_alone,
+        contradicted,
         late,
         seconds: begun.elapsed().as_secs_f64(),
     })
@@ -158,14 +157,14 @@ fn moves_with_reference(joint: &Joint) -> bool {
 /// [`Error::Cancelled`].
 fn fits_without_reference(
     mut input: JointInput<'_>,
-    project: &Project,
+    own: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<bool> {
     progress.say("asking whether the drive fits together without the reference");
     input.reference = &[];
-    let mut settings = project.joint.clone();
+    let mut settings = own.project.joint.clone();
     settings.mounting.most = settings.mounting.least;
-    match adjust(&input, &settings, surfel_m(project), progress) {
+    match adjust(&input, &settings, surfel_m(own), progress) {
         Ok(joint) => Ok(!is_doubtful(&joint)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         Err(_) => Ok(false),
@@ -219,10 +218,11 @@ fn show(own: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progr
 /// then used. Latencies are held by default, since a free latency costs tx a third of its accuracy.
 fn with_late_scanners(
     input: &mut JointInput<'_>,
-    project: &Project,
+    own: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<(Joint, Vec<LateScanner>)> {
-    let joint = adjust(input, &project.joint, surfel_m(project), progress)?;
+    let (settings, surfel_m) = (&own.project.joint, surfel_m(own));
+    let joint = adjust(input, settings, surfel_m, progress)?;
     let is_late = |score: &Option<Score>| {
         score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
     };
@@ -232,13 +232,13 @@ fn with_late_scanners(
     }
     let estimated = input.estimate_latency.iter_mut().zip(&late);
     estimated.for_each(|(estimate, late)| *estimate |= late);
-    let joint = match adjust(input, &project.joint, surfel_m(project), progress) {
+    let joint = match adjust(input, settings, surfel_m, progress) {
         Ok(freed) => freed,
         Err(Error::Cancelled) => return Err(Error::Cancelled),
         // The adjustment succeeds only with latencies held.
         Err(_) => return Ok((joint, Vec::new())),
     };
-    let scanners = project.scanners.iter().zip(&joint.late_s).zip(&late);
+    let scanners = own.project.scanners.iter().zip(&joint.late_s).zip(&late);
     let named = scanners.filter_map(|((scanner, latency), late)| {
         let (value, sigma) = latency.filter(|_| *late)?;
         Some(LateScanner {
@@ -250,41 +250,39 @@ fn with_late_scanners(
     let named: Vec<LateScanner> = named.collect();
     named
         .iter()
-        .for_each(|scanner| progress.warn(&scanner.describe()));
+        .for_each(|scanner| progress.verdict(&judgement::late_scanner(scanner).text));
     Ok((joint, named))
 }
 
-/// Adjusts the poses of a drive with its own logs and scans, without a reference, and with known mountings.
+/// Adjusts the poses of a drive with its own logs and scans, without a reference, and with the mountings of its rig, whose
+/// `covariance` is known.
 ///
 /// # Errors
 /// As for [`adjust`].
 pub fn with_known_mountings(
     drive: &Drive<'_>,
-    mountings: Vec<Mounting>,
     covariance: &DMatrix<f64>,
     progress: &dyn Progress,
 ) -> Result<Joint> {
-    let scanners = || {
-        drive
-            .project
-            .scanners
-            .iter()
-            .map(|scanner| scanner.compliance)
-    };
+    let Rig {
+        mountings,
+        compliance,
+        ..
+    } = drive.rig;
     // A scanner without a `[scanner.compliance]` table is rigid.
-    let rigid = scanners().flatten().next().map(Compliance::rigid_beside);
-    let compliance = scanners().filter_map(|own| own.or(rigid));
+    let mut known = compliance.iter().flatten();
+    let rigid = known.next().copied().map(Compliance::rigid_beside);
+    let compliance = compliance.iter().filter_map(|own| own.or(rigid));
     let compliance: Vec<Compliance> = compliance.collect();
     let input = JointInput {
         compliance: &compliance,
         estimate_latency: vec![false; mountings.len()],
-        mountings,
+        mountings: mountings.clone(),
         known: Some(covariance),
         drives: vec![input(drive)?],
         reference: &[],
     };
-    let project = drive.project;
-    adjust(&input, &project.joint, surfel_m(project), progress)
+    adjust(&input, &drive.project.joint, surfel_m(drive), progress)
 }
 
 /// The reason why the adjustment cannot be made, if the error is one.
@@ -302,10 +300,8 @@ pub fn reason(error: Error) -> Result<String> {
     }
 }
 
-fn surfel_m(project: &Project) -> f64 {
-    let sizes = &project.calibration.voxel_sizes_m;
-    let finest_m = sizes.iter().copied().fold(f64::INFINITY, f64::min);
-    project.joint.surfel_size_m(finest_m)
+fn surfel_m(drive: &Drive<'_>) -> f64 {
+    drive.project.joint.surfel_size_m(drive.rig.finest_m())
 }
 
 fn latencies(project: &Project) -> Vec<bool> {

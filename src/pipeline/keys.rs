@@ -9,7 +9,7 @@ use super::program::PROGRAM;
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::format::file_of;
-use crate::project::{OtherDrive, Project};
+use crate::project::{OtherDrive, Project, Scanner};
 use crate::report::Imprint;
 use crate::verdict::Acceptance;
 
@@ -126,18 +126,19 @@ fn before_comparison(project: &Project) -> Project {
 
 /// A project with only the inputs of the poses: these depend on the existence of scanners, but not on their data.
 fn before_scans(project: &Project) -> Project {
-    let mut project = Project {
+    let without_profiles = |scanner: &Scanner| Scanner {
+        profiles: Vec::new(),
+        ..scanner.clone()
+    };
+    Project {
         reference: None,
         // Only mountings follow these columns.
         bending: None,
         calibration: Default::default(),
         joint: Default::default(),
+        scanners: project.scanners.iter().map(without_profiles).collect(),
         ..before_comparison(project)
-    };
-    for scanner in &mut project.scanners {
-        scanner.profiles.clear();
     }
-    project
 }
 
 #[cfg(test)]

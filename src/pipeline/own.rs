@@ -3,6 +3,7 @@
 
 use std::cell::OnceCell;
 
+use super::rig::Rig;
 use super::stages::{self, EstimatedPoses};
 use crate::calibration::ScannerSample;
 use crate::comparison::ReferenceSurface;
@@ -65,13 +66,13 @@ impl<'a> Own<'a> {
         made(&self.poses, || stages::poses(self.project, progress))
     }
 
-    /// A sample of each scanner, by the scales of `project`.
+    /// A sample of each scanner, by the mountings and scales of `rig`.
     ///
     /// # Errors
     /// See [`stages::samples`].
-    pub fn samples(&self, project: &Project, progress: &dyn Progress) -> Result<&[ScannerSample]> {
+    pub fn samples(&self, rig: &Rig, progress: &dyn Progress) -> Result<&[ScannerSample]> {
         let trajectory = self.poses(progress)?.trajectory();
-        let make = || stages::samples(project, trajectory, progress);
+        let make = || stages::samples(self.project, rig, trajectory, progress);
         made(&self.samples, make).map(Vec::as_slice)
     }
 

@@ -10,6 +10,7 @@ use super::commands::files_in;
 use super::job::Job;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
+use super::rig::Rig;
 use super::{clouds, drives, stages};
 use crate::comparison::Agreements;
 use crate::error::{Error, Location, Result};
@@ -17,12 +18,13 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
 use crate::results::Results;
-use crate::verdict::{Verdict, capitalised};
+use crate::verdict::Verdict;
 
 /// A project with the mountings and poses that place its points: its own, or the results of an earlier run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
     project: Project,
+    rig: Rig,
     inputs: Vec<PathBuf>,
     calibration: Option<PathBuf>,
     /// Remarks on their choice, for the log.
@@ -34,7 +36,7 @@ impl Placement {
     /// poses come from `trajectory`. The project's own are used for either one that is `None`.
     ///
     /// # Errors
-    /// A missing file; see [`Project::with_calibration`].
+    /// A missing file; see [`Project::calibrated_scanners`].
     pub fn new(
         project: &Project,
         calibration: Option<&Path>,
@@ -47,28 +49,32 @@ impl Placement {
                 .chain(trajectory)
                 .map(Path::to_owned),
         );
-        let mut placed = project.clone();
-        if let Some(path) = calibration {
-            placed = placed.with_calibration(path)?;
-        }
-        if let Some(path) = trajectory {
-            check_poses(path)?;
-            placed = placed.with_trajectory(path)?;
-        }
-        placed.check_files()?;
-        let offsets = project.scanners.iter().zip(&placed.scanners);
+        let rig = match calibration {
+            Some(path) => Rig::calibrated(project, path)?,
+            None => Rig::new(project),
+        };
+        let project = match trajectory {
+            Some(path) => {
+                check_poses(path)?;
+                project.with_trajectory(path)?
+            }
+            None => project.clone(),
+        };
+        project.check_files()?;
+        let offsets = project.scanners.iter().zip(&rig.time_offsets_s);
         let remarks = offsets
-            .filter(|(own, used)| own.time_offset_s != used.time_offset_s)
-            .map(|(own, used)| {
+            .filter(|(own, used_s)| own.time_offset_s != **used_s)
+            .map(|(own, used_s)| {
                 format!(
-                    "scanner `{}`: the time offset is {} s, as in the calibration, not {} s, as in \
+                    "scanner `{}`: the time offset is {used_s} s, as in the calibration, not {} s, as in \
                      the project",
-                    used.name, used.time_offset_s, own.time_offset_s
+                    own.name, own.time_offset_s
                 )
             })
             .collect();
         Ok(Self {
-            project: placed,
+            project,
+            rig,
             inputs,
             calibration: calibration.map(Path::to_owned),
             remarks,
@@ -96,14 +102,7 @@ impl Placement {
         let calibration_file = own.with_file_name("out").join("calibration.toml");
         let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
         let is_newer = self.calibration.is_none() && changed(&calibration_file)? > changed(own)?;
-        is_newer.then(|| {
-            let text = format!(
-                "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
-                own.display(),
-                calibration_file.display()
-            );
-            Verdict::care("georeference.mounting", text)
-        })
+        is_newer.then(|| judgement::newer_calibration(own, &calibration_file))
     }
 
     /// A verdict if the mountings come from a calibration that is marked as not usable.
@@ -132,19 +131,8 @@ impl Placement {
 /// # Errors
 /// See [`crate::project::mountings`].
 pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
-    let text = || {
-        let name = calibration
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy();
-        format!(
-            "Placed with the mountings of {name}, which is marked as not usable: see what it says at its top."
-        )
-    };
-    let calibration = crate::project::mountings(calibration)?;
-    Ok(calibration
-        .is_unusable
-        .then(|| Verdict::fault("georeference.mounting", text())))
+    let is_unusable = crate::project::mountings(calibration)?.is_unusable;
+    Ok(is_unusable.then(|| judgement::unusable_calibration(calibration)))
 }
 
 /// Checks the file of the poses first, because no key of the project names it.
@@ -166,17 +154,16 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let project = &placement.project;
+    let (project, rig) = (&placement.project, &placement.rig);
     let names = clouds::names(project);
     let mut job = Job::new(&options.out, placement.inputs(), &names, progress)?;
     for remark in &placement.remarks {
         progress.say(remark);
     }
     let poses = stages::poses(project, progress)?.poses;
-    let mountings = stages::initial_poses(project);
-    let bending = clouds::bending(project, &poses.trajectory);
+    let bending = clouds::bending(rig, &poses.trajectory);
     let mounted = Mounted {
-        mountings: &mountings,
+        rig,
         bending: &bending,
     };
     clouds::write(project, &poses.trajectory, mounted, &mut job)?;
@@ -185,20 +172,13 @@ pub fn georeference(
     let marked = placement
         .unusable_calibration()?
         .or_else(|| placement.newer_calibration());
-    if let Some(marked) = &marked {
-        progress.warn(&marked.text);
-    }
-    let own = || {
-        let text = capitalised(&placement.description()) + ".";
-        Verdict::good("georeference.mounting", text)
-    };
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let results = Results {
         drives: std::slice::from_ref(&drive),
         ..Results::default()
     };
     let mut verdicts = judgement::judge(&results, &project.acceptance);
-    verdicts.push(marked.unwrap_or_else(own));
+    verdicts.push(marked.unwrap_or_else(|| judgement::placed(&placement.description())));
     judgement::attention_first(&mut verdicts);
     let [mountings_from, poses_from] = placement.sources();
     let mut result = json!({

@@ -7,6 +7,7 @@ use super::recorded;
 use crate::error::{Error, Result};
 use crate::format;
 use crate::geometry::Vec3;
+use crate::judgement;
 use crate::preflight::{
     HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise, unmeasured,
 };
@@ -172,11 +173,11 @@ fn poses_from_logs(
     }
     let contradicted = put_right(&mut logs, files)?;
     for verdict in &contradicted {
-        progress.warn(&verdict.text);
+        progress.verdict(&verdict.text);
     }
     let recorded = recorded::verdicts(project)?;
     for verdict in recorded.iter().filter(|v| v.severity.is_marked()) {
-        progress.warn(&verdict.text);
+        progress.verdict(&verdict.text);
     }
     let begun = Instant::now();
     let mut estimated = estimate(&logs.motion(), &logs.settings, progress)?;
@@ -200,7 +201,7 @@ fn poses_from_logs(
         }
     }
     for doubt in &doubts {
-        progress.warn(&doubt.describe());
+        progress.verdict(&judgement::doubt(doubt).text);
     }
     let scale = Constant::ImuNoiseScale;
     let is_noisy = estimated.solution.imu_noise_factor() > NOTABLE_NOISE;
@@ -244,10 +245,7 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
             let mut logs = DriveLogs::read(project, files, &Silent)?;
             let mut verdicts = put_right(&mut logs, files)?;
             if verdicts.is_empty() {
-                verdicts.push(Verdict::good(
-                    "logs.consistent",
-                    "Units, axes, signs and clocks of the logs do not contradict each other or the project.",
-                ));
+                verdicts.push(judgement::consistent_logs());
             }
             verdicts.extend(recorded::verdicts(project)?);
             Ok(verdicts)

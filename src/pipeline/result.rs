@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, Joint, JointReport, known_m};
 use crate::progress::StageSeconds;
-use crate::project::Project;
+use crate::project::{Scanner, scanners_to_toml};
 use crate::results::Drive;
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
@@ -63,11 +63,11 @@ pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
     document["verdicts"] = json!(verdicts);
 }
 
-/// The mountings of a project for `calibration.toml`, preceded by comments with the verdicts that need attention.
+/// The scanners for `calibration.toml`, preceded by comments with the verdicts that need attention.
 ///
 /// # Errors
-/// See [`Project::scanners_to_toml`].
-pub fn marked_toml(project: &Project, verdicts: &[Verdict]) -> Result<String> {
+/// See [`scanners_to_toml`].
+pub fn marked_toml(scanners: &[Scanner], verdicts: &[Verdict]) -> Result<String> {
     let mut text = format!("# {}\n", Headline::of(verdicts).text());
     for verdict in verdicts
         .iter()
@@ -75,7 +75,7 @@ pub fn marked_toml(project: &Project, verdicts: &[Verdict]) -> Result<String> {
     {
         text += &format!("# ! {}\n", verdict.text.replace('\n', " "));
     }
-    Ok(format!("{text}\n{}", project.scanners_to_toml()?))
+    Ok(format!("{text}\n{}", scanners_to_toml(scanners)?))
 }
 
 /// Number of worst measurements listed.

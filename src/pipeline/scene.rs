@@ -1,6 +1,7 @@
 //! The three-dimensional scene of a drive for the page.
 
 use super::clouds::KeptPoints;
+use super::rig::Rig;
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::Vec3;
 use crate::joint::SurfelPlane;
@@ -15,6 +16,8 @@ const MOST: usize = 570_000;
 pub struct Shown<'a> {
     /// Its project.
     pub project: &'a Project,
+    /// Its scanners.
+    pub rig: &'a Rig,
     /// The kept points of the drive.
     pub kept: &'a KeptPoints,
     /// The distances of its clouds.
@@ -32,13 +35,15 @@ pub struct Shown<'a> {
 impl Shown<'_> {
     /// The scene with the points placed in these ways, except by the truth; `None` without points.
     pub fn with<'a>(&self, views: impl Iterator<Item = View<'a>>) -> Option<Scene> {
-        let scanners = self.project.scanners.iter().zip(self.kept);
-        let scans = scanners.map(|(scanner, kept)| Scan {
-            name: &scanner.name,
-            time_offset_s: scanner.time_offset_s,
-            of: kept.of,
-            points: &kept.points,
-        });
+        let scanners = self.rig.mountings.iter().zip(&self.rig.time_offsets_s);
+        let scans = scanners
+            .zip(self.kept)
+            .map(|((mounting, offset_s), kept)| Scan {
+                name: &mounting.name,
+                time_offset_s: *offset_s,
+                of: kept.of,
+                points: &kept.points,
+            });
         gather(&Input {
             origin_m: self.project.origin_m,
             scans: scans.collect(),

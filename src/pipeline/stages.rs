@@ -3,14 +3,14 @@
 use std::path::Path;
 
 pub use super::poses::{EstimatedPoses, Poses, poses, preflight};
+use super::rig::Rig;
 use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
 use crate::error::{Error, Problem, Result};
 use crate::format;
-use crate::geometry::{BodyFromScanner, Vec3};
+use crate::geometry::Vec3;
 use crate::georeference::ExcludedPoints;
-use crate::joint::Joint;
 use crate::progress::Progress;
 use crate::project::{Motion, Project, Scanner};
 use crate::sensor::PoseRecord;
@@ -41,6 +41,7 @@ fn check_own_files(project: &Project) -> Result<()> {
 /// Scanners with a file in common; see [`sample_profiles`].
 pub fn samples(
     project: &Project,
+    rig: &Rig,
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
@@ -56,11 +57,11 @@ pub fn samples(
         .map(|reader| reader.bytes_total())
         .sum();
     let stage = progress.stage("reading profiles", bytes);
-    let mountings = mountings(project);
-    let jobs: Vec<_> = mountings.iter().zip(&project.scanners).zip(all).collect();
-    let samples = in_parallel(jobs, |((mounting, scanner), readers)| {
-        let (offset_s, settings) = (scanner.time_offset_s, &project.calibration);
-        sample_profiles(mounting, readers, offset_s, trajectory, settings, progress)
+    let settings = &rig.settings(project);
+    let scanners = rig.mountings.iter().zip(&rig.time_offsets_s);
+    let jobs: Vec<_> = scanners.zip(all).collect();
+    let samples = in_parallel(jobs, |((mounting, offset_s), readers)| {
+        sample_profiles(mounting, readers, *offset_s, trajectory, settings, progress)
     })
     .into_iter()
     .collect::<Result<Vec<ScannerSample>>>()?;
@@ -117,15 +118,16 @@ fn exclusion_warning(scanner: &str, read: u64, excluded: &ExcludedPoints) -> Opt
 /// The bounding boxes of both are more than a metre apart; the margin allows for a rough mounting.
 pub fn check_reference(
     project: &Project,
+    rig: &Rig,
     samples: &[ScannerSample],
     reference: &[Vec3],
 ) -> Result<()> {
     const MARGIN_M: f64 = 1.0;
-    let scanned = project
-        .scanners
+    let scanned = rig
+        .mountings
         .iter()
         .zip(samples)
-        .flat_map(|(scanner, sample)| sample.placed(&scanner.body_from_scanner));
+        .flat_map(|(mounting, sample)| sample.placed(&mounting.body_from_scanner));
     let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
         return Ok(());
     };
@@ -210,29 +212,13 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
     Ok(points)
 }
 
-/// The initial mountings of the project.
-pub fn mountings(project: &Project) -> Vec<Mounting> {
-    let mounting = |scanner: &Scanner| Mounting {
-        name: scanner.name.clone(),
-        body_from_scanner: scanner.body_from_scanner,
-        convention: scanner.convention,
-        fixed: scanner.fixed,
-    };
-    project.scanners.iter().map(mounting).collect()
-}
-
-/// Poses of the scanners on the body before the calibration.
-pub fn initial_poses(project: &Project) -> Vec<BodyFromScanner> {
-    let scanners = project.scanners.iter();
-    scanners.map(|scanner| scanner.body_from_scanner).collect()
-}
-
-/// Calibrates the project's scanners.
+/// Calibrates the project's scanners from these start values of their mountings.
 ///
 /// # Errors
 /// All parameters are fixed; see [`calibrate`].
 pub fn calibration(
     project: &Project,
+    mountings: &[Mounting],
     settings: &CalibrationSettings,
     EstimatedPoses { poses, covariance }: &EstimatedPoses,
     samples: &[ScannerSample],
@@ -252,7 +238,7 @@ pub fn calibration(
             "remove some parameters from `fixed`, or use `boresight georeference`",
         ));
     }
-    let input = Input::new(mountings(project), samples, &poses.trajectory);
+    let input = Input::new(mountings.to_vec(), samples, &poses.trajectory);
     let input = input.with_reference(reference);
     let input = input.with_pose_correlation(project.joint.correlation_s);
     let input = match covariance {
@@ -276,53 +262,6 @@ pub fn origin_sigma_m(project: &Project, solution: Option<&Solution>) -> f64 {
     let positions = logs.settings.positions.iter().filter(is_held);
     let best = positions.min_by(|a, b| a.sigma_m.norm().total_cmp(&b.sigma_m.norm()));
     best.map_or(0.0, |best| best.sigma_lever_arm_m)
-}
-
-/// The project with the estimated latencies and compliance of its scanners, if an adjustment estimated them.
-pub fn with_latencies(project: &Project, joint: Option<&Joint>) -> Project {
-    let mut project = project.clone();
-    let late_s = joint.into_iter().flat_map(|joint| &joint.late_s);
-    for (scanner, late_s) in project.scanners.iter_mut().zip(late_s) {
-        scanner.time_offset_s -= late_s.map_or(0.0, |(value, _)| value);
-    }
-    for (number, scanner) in project.scanners.iter_mut().enumerate() {
-        scanner.compliance = joint.and_then(|joint| joint.compliance.get(number).copied());
-    }
-    project
-}
-
-/// The project with these mountings.
-pub fn with_mountings(project: &Project, poses: &[BodyFromScanner]) -> Project {
-    let mut project = project.clone();
-    for (scanner, pose) in project.scanners.iter_mut().zip(poses) {
-        scanner.body_from_scanner = *pose;
-    }
-    project
-}
-
-/// The project of another drive with its scanners in the order of `project`, and with the same scales and
-/// comparison.
-pub fn aligned(project: &Project, mut other: Project) -> Result<Project> {
-    let mut scanners = Vec::new();
-    for scanner in &project.scanners {
-        let same = other
-            .scanners
-            .iter()
-            .find(|candidate| candidate.name == scanner.name);
-        scanners.push(same.cloned().ok_or_else(|| {
-            Error::data(
-                format!("{} has no scanner `{}`", other.path.display(), scanner.name),
-                "an evaluation drive needs every scanner of the calibrated project",
-            )
-        })?);
-    }
-    other.scanners = scanners;
-    other.calibration = project.calibration.clone();
-    other.has_auto_scales = project.has_auto_scales;
-    other.comparison = project.comparison.clone();
-    other.origin_m = project.origin_m;
-    other.limits = other.limits.or(project.limits);
-    Ok(other)
 }
 
 /// Writes poses with the project's origin added back.

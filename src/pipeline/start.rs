@@ -1,14 +1,15 @@
 //! The start values and the scales of a calibration.
 
-use super::stages::{initial_poses, mountings, open_profiles, with_mountings};
-use crate::calibration::{CalibrationSettings, ScannerSample, better_start, point_spacing_m};
+use super::rig::Rig;
+use super::stages::open_profiles;
+use crate::calibration::{ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
-use crate::geometry::{BodyFromScanner, Vec3};
-use crate::georeference::Georeferencer;
+use crate::geometry::Vec3;
+use crate::judgement::far_starts;
 use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
-use crate::project::{Project, Scanner};
+use crate::project::Project;
 use crate::statistics::median;
 use crate::stored::stored;
 use crate::trajectory::Trajectory;
@@ -22,58 +23,62 @@ const SCALE_PER_MISFIT: f64 = 0.5;
 const NEIGHBOURHOODS: usize = 10;
 /// Distance between clouds beyond which no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
-/// Largest error of a rough mounting: radians, metres.
-const ROUGH_START: (f64, f64) = (0.06, 0.1);
 /// The finest scale of a close-range scanner, metres, and of any at this share of its ranges.
 const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
 /// Displacement of the body, as a share of the ranges, during which the points are recorded whose spacing is measured.
 const MOVED_SHARE: f64 = 0.05;
 
-/// The project with scales that match the spacing of its points, if it asks for automatic scales.
+/// The rig with scales that match the spacing of its points, if the project asks for automatic scales.
 ///
 /// # Errors
 /// Errors of the readers.
 pub fn with_scales(
     project: &Project,
+    rig: &Rig,
     trajectory: &Trajectory,
     progress: &dyn Progress,
-) -> Result<Project> {
-    let mut project = project.clone();
+) -> Result<Rig> {
+    let mut rig = rig.clone();
     if !project.has_auto_scales {
-        return Ok(project);
+        return Ok(rig);
     }
-    project.has_auto_scales = false;
     let mut finest_m: Option<f64> = None;
-    for scanner in &project.scanners {
-        let found_m = finest_scale(scanner, trajectory)?;
+    for number in 0..project.scanners.len() {
+        let found_m = finest_scale(project, &rig, number, trajectory)?;
         finest_m = finest_m.into_iter().chain(found_m).reduce(f64::max);
     }
     let Some(finest_m) = finest_m else {
         progress
             .say("how far points lie apart cannot be seen: the scales are those of close range");
-        return Ok(project);
+        return Ok(rig);
     };
     // Round to two digits.
     let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
     let finest_m = (finest_m / digit).round() * digit;
-    let sizes = &mut project.calibration.voxel_sizes_m;
+    let sizes = &mut rig.voxel_sizes_m;
     let own_m = sizes[sizes.len() - 1];
     sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
     progress.say(&format!(
         "the finest scale is {:.1} mm, by range and spacing of points",
         1e3 * finest_m
     ));
-    Ok(project)
+    Ok(rig)
 }
 
-/// The finest scale at which a scanner's points form surfaces, metres; `None` if it cannot be determined.
-fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64>> {
+/// The finest scale at which the points of the scanner with this number form surfaces, metres; `None` if it cannot be
+/// determined.
+fn finest_scale(
+    project: &Project,
+    rig: &Rig,
+    scanner: usize,
+    trajectory: &Trajectory,
+) -> Result<Option<f64>> {
+    let pose = rig.mountings[scanner].body_from_scanner;
     let mut chunk = Vec::new();
-    for mut reader in open_profiles(scanner)? {
+    for mut reader in open_profiles(&project.scanners[scanner])? {
         while reader.next_chunk(&mut chunk)? {
-            let pose = scanner.body_from_scanner;
-            let mut placing = Georeferencer::new(trajectory, pose, scanner.time_offset_s);
+            let mut placing = rig.georeferencer(scanner, trajectory);
             let placed = chunk.iter().filter_map(|point| {
                 let body = placing.body_at(point).1?;
                 Some((body.translation_m, body.map(&pose.map(&point.position_m))))
@@ -94,116 +99,82 @@ fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64
 
 /// The start of the calibration of a project.
 pub struct Start {
-    /// The initial mountings: those of the project, unless the clouds take up much less space with others.
-    pub mountings: Vec<BodyFromScanner>,
-    /// Its scales, preceded by coarser ones if the clouds lie farther apart than the scales of the project reach.
-    pub voxel_sizes_m: Vec<f64>,
+    /// The mountings of the project, unless the clouds take up much less space with others; and its scales, preceded by
+    /// coarser ones if the clouds lie farther apart than the scales of the project reach.
+    pub rig: Rig,
     /// Contradictions between the scans and their placement.
     pub verdicts: Vec<Verdict>,
 }
-stored!(struct Start { mountings, voxel_sizes_m, verdicts });
+stored!(struct Start { rig, verdicts });
 
-impl Start {
-    /// The project with these mountings.
-    pub fn project(&self, project: &Project) -> Project {
-        with_mountings(project, &self.mountings)
-    }
-
-    /// The settings of the project with these scales.
-    pub fn settings(&self, project: &Project) -> CalibrationSettings {
-        CalibrationSettings {
-            voxel_sizes_m: self.voxel_sizes_m.clone(),
-            ..project.calibration.clone()
-        }
-    }
-}
-
-/// Examines the scans with the mountings of the project, and finds the start of the calibration.
+/// Examines the scans with the mountings of `rig`, and finds the start of the calibration.
 pub fn start(
     project: &Project,
+    rig: &Rig,
     trajectory: &Trajectory,
     samples: &[ScannerSample],
     reference: &[Vec3],
     progress: &dyn Progress,
 ) -> Start {
-    let placed = |project: &Project| {
+    let placed = |rig: &Rig| {
         scans(&Placement {
-            mountings: &mountings(project),
+            mountings: &rig.mountings,
             samples,
             trajectory,
             reference,
         })
     };
     let stage = progress.stage("checking the placement", SEARCH_UNITS + 2);
-    let own = placed(project);
+    let own = placed(rig);
     progress.advance(1);
-    let better = better_start(&mountings(project), samples, reference);
+    let better = better_start(&rig.mountings, samples, reference);
     progress.advance(SEARCH_UNITS);
-    let better = better.map(|poses| with_mountings(project, &poses));
-    let better = better.map(|project| (placed(&project), project));
+    let better = better.map(|poses| rig.with_poses(&poses));
+    let better = better.map(|rig| (placed(&rig), rig));
     drop(stage);
-    let (placed, project, mut verdicts) = match better {
+    let (placed, mut begin, mut verdicts) = match better {
         // A better start is not used if a usual mistake explains the scans about as well.
         Some((other, better))
             if other.is_as_close_as(&own) && !own.is_explained_as_well_as(&other) =>
         {
-            let verdicts = far_starts(project, &better);
+            let verdicts = far_starts(&rig.mountings, &better.mountings);
             (other, better, verdicts)
         }
-        _ => (own, project.clone(), Vec::new()),
+        _ => (own, rig.clone(), Vec::new()),
     };
     let apart_m = placed.apart_m();
     verdicts.extend(placed.verdict);
-    verdicts.extend(fans(&mountings(&project), samples));
+    verdicts.extend(fans(&begin.mountings, samples));
     for verdict in &verdicts {
-        progress.warn(&verdict.text);
+        progress.verdict(&verdict.text);
     }
+    let fewest = NEIGHBOURHOODS * project.calibration.neighbours;
+    begin.voxel_sizes_m = scales_for(&begin, fewest, samples, apart_m, progress);
     Start {
-        mountings: initial_poses(&project),
-        voxel_sizes_m: scales_for(&project, samples, apart_m, progress),
+        rig: begin,
         verdicts,
     }
 }
 
-/// The verdicts on starts that are far from the project's own.
-fn far_starts(project: &Project, better: &Project) -> Vec<Verdict> {
-    let pairs = project.scanners.iter().zip(&better.scanners);
-    let moved = pairs.map(|(own, better)| {
-        let (turn, shift) = better
-            .body_from_scanner
-            .perturbation_from(&own.body_from_scanner);
-        (&own.name, turn.norm(), shift.norm())
-    });
-    let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
-    let verdicts = far.map(|(name, turn, shift)| {
-        let text = format!(
-            "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
-             clouds then take up much less space: is that as wrong?",
-            turn.to_degrees()
-        );
-        Verdict::care("mounting.start", text).with_value(turn, None)
-    });
-    verdicts.collect()
-}
-
-/// The scales of the project, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as
-/// these hold enough points.
+/// The scales, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as these have at
+/// least `fewest` points.
 fn scales_for(
-    project: &Project,
+    rig: &Rig,
+    fewest: usize,
     samples: &[ScannerSample],
     apart_m: Option<f64>,
     progress: &dyn Progress,
 ) -> Vec<f64> {
-    let mut sizes = project.calibration.voxel_sizes_m.clone();
+    let mut sizes = rig.voxel_sizes_m.clone();
     let reach_m = apart_m.unwrap_or(0.0);
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
-    let poses = initial_poses(project);
     let voxels = |voxel_m: f64| {
-        let placed = samples.iter().zip(&poses);
-        occupied(placed.flat_map(|(s, pose)| s.placed(pose)), voxel_m).len()
+        let placed = samples.iter().zip(&rig.mountings);
+        let placed = placed.flat_map(|(s, mounting)| s.placed(&mounting.body_from_scanner));
+        occupied(placed, voxel_m).len()
     };
     while let Some(coarser_m) = sizes.first().filter(|m| **m < least_m).map(|m| 2.0 * m) {
-        if voxels(coarser_m) < NEIGHBOURHOODS * project.calibration.neighbours {
+        if voxels(coarser_m) < fewest {
             break;
         }
         progress.say(&format!(

@@ -6,6 +6,7 @@ use std::path::Path;
 use boresight::calibration::{Calibration, CalibrationSettings};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
+use boresight::pipeline::Rig;
 use boresight::pipeline::stages::{self, EstimatedPoses};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -60,6 +61,10 @@ pub fn calibrate(
     poses: &EstimatedPoses,
     reference: &[Vec3],
 ) -> Result<Calibration> {
-    let samples = stages::samples(project, poses.trajectory(), &Silent)?;
-    stages::calibration(project, settings, poses, &samples, reference, &Silent)
+    let rig = Rig::new(project);
+    let samples = stages::samples(project, &rig, poses.trajectory(), &Silent)?;
+    let start = &rig.mountings;
+    stages::calibration(
+        project, start, settings, poses, &samples, reference, &Silent,
+    )
 }

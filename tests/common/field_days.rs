@@ -9,7 +9,7 @@ use boresight::calibration::{ScannerFromScanner, relative};
 use boresight::drift::Overlap;
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3, so3};
-use boresight::pipeline::{overlap, stages};
+use boresight::pipeline::{Rig, overlap};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
@@ -30,6 +30,8 @@ const RTK: (f64, f64) = (0.012, 5.0);
 /// One day.
 pub struct FieldDay {
     pub project: Project,
+    /// The scanners with the mountings in use.
+    pub rig: Rig,
     /// True offset of the right scanner from the mounting in use, in the frame of the left one: metres, radians.
     pub truth: [f64; 6],
 }
@@ -70,13 +72,14 @@ impl FieldDay {
         let project = Project::read(&files.drives[0].project)?;
         let truth = right_in_left(&scenario.true_mountings());
         Ok(Self {
-            project: stages::with_mountings(&project, &in_use),
+            rig: Rig::new(&project).with_poses(&in_use),
+            project,
             truth: offset(&right_in_left(&in_use), &truth),
         })
     }
 
     pub fn overlap(&self) -> Result<Overlap> {
-        overlap(&self.project, &Silent)
+        overlap(&self.project, &self.rig, &Silent)
     }
 }
 

@@ -9,7 +9,7 @@ use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use boresight::joint::{Joint, JointSettings, MovedMounting, contradictions};
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
-use boresight::pipeline::{clouds, stages};
+use boresight::pipeline::{Rig, clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
@@ -93,8 +93,9 @@ impl Run {
         (setup.project)(&mut project);
         let exact = true_poses(&files.drives[0])?;
         let truth = scenario.true_mountings();
+        let mut rig = Rig::new(&project);
         if setup.known.is_some() {
-            project = stages::with_mountings(&project, &truth);
+            rig = rig.with_poses(&truth);
         }
         let reference = match &setup.reference {
             Some((shift_m, turn)) => moved(stages::reference(&project, &Silent)?, shift_m, turn),
@@ -102,7 +103,7 @@ impl Run {
         };
         let begun = Instant::now();
         let poses = stages::poses(&project, &Silent)?;
-        let mut samples = stages::samples(&project, poses.trajectory(), &Silent)?;
+        let mut samples = stages::samples(&project, &rig, poses.trajectory(), &Silent)?;
         if let Some((span_s, even)) = setup.keep {
             let start_s = poses.trajectory().span_s().0;
             for sample in &mut samples {
@@ -116,6 +117,7 @@ impl Run {
         let drive = Drive {
             name: "drive",
             project: &project,
+            rig: &rig,
             poses: &poses,
             samples: &samples,
         };
@@ -154,21 +156,26 @@ impl Run {
         let points = check.point_errors(&joint, &late_s);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
-            let other_project = stages::aligned(&project, Project::read(&other.project)?)?;
-            let mut other_project = stages::with_mountings(&other_project, &start);
-            for (scanner, compliance) in other_project.scanners.iter_mut().zip(&joint.compliance) {
-                scanner.compliance = Some(*compliance);
+            let evaluation = OtherDrive {
+                name: "evaluation".to_owned(),
+                project: other.project.clone(),
+            };
+            let other_project = evaluation.read(&project)?;
+            let mut rig = rig.of_drive(&other_project).with_poses(&start);
+            for (known, compliance) in rig.compliance.iter_mut().zip(&joint.compliance) {
+                *known = Some(*compliance);
             }
             let poses = stages::poses(&other_project, &Silent)?;
-            let samples = stages::samples(&other_project, poses.trajectory(), &Silent)?;
+            let samples = stages::samples(&other_project, &rig, poses.trajectory(), &Silent)?;
+            rig.mountings.clone_from(&joint.mountings);
             let drive = Drive {
-                name: "evaluation",
+                name: &evaluation.name,
                 project: &other_project,
+                rig: &rig,
                 poses: &poses,
                 samples: &samples,
             };
-            let mountings = joint.mountings.clone();
-            let adjusted = with_known_mountings(&drive, mountings, &joint.covariance, &Silent)?;
+            let adjusted = with_known_mountings(&drive, &joint.covariance, &Silent)?;
             let check = Check {
                 scenario: &scenario,
                 samples: &samples,
@@ -178,7 +185,7 @@ impl Run {
                 reference: &[],
             };
             let adjusted_bending = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
-            let by_load = clouds::bending(&other_project, poses.trajectory()).into_iter();
+            let by_load = clouds::bending(&rig, poses.trajectory()).into_iter();
             let by_load = by_load.map(|offsets| MovedMounting {
                 sigmas: offsets.clone(),
                 offsets,
@@ -279,9 +286,16 @@ struct Adjusted {
 }
 
 fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Result<Adjusted> {
-    let (project, poses, samples) = (drive.project, drive.poses, drive.samples);
-    let settings = &project.calibration;
-    let calibration = stages::calibration(project, settings, poses, samples, reference, &Silent)?;
+    let Drive {
+        project,
+        rig,
+        poses,
+        samples,
+        ..
+    } = drive;
+    let (start, settings) = (&rig.mountings, &rig.settings(project));
+    let calibration =
+        stages::calibration(project, start, settings, poses, samples, reference, &Silent)?;
     let two_seconds = begun.elapsed().as_secs_f64();
     let report = report(drive, &calibration, reference, &Silent)?;
     let refused = report.refused;
@@ -295,16 +309,15 @@ fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Resu
     })
 }
 
-/// Adjusts with the known mountings of the project, of these standard deviations, metres and radians.
+/// Adjusts with the known mountings of the drive's rig, of these standard deviations, metres and radians.
 fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Result<Adjusted> {
-    let mountings = stages::mountings(drive.project);
     let sigma = |i: usize| if i % SIX < 3 { shift_m } else { turn_rad };
-    let variances = DVector::from_fn(SIX * mountings.len(), |i, _| sigma(i).powi(2));
+    let variances = DVector::from_fn(SIX * drive.rig.mountings.len(), |i, _| sigma(i).powi(2));
     let covariance = DMatrix::from_diagonal(&variances);
     let begun = Instant::now();
-    let joint = with_known_mountings(drive, mountings, &covariance, &Silent)?;
+    let joint = with_known_mountings(drive, &covariance, &Silent)?;
     Ok(Adjusted {
-        start: stages::initial_poses(drive.project),
+        start: drive.rig.poses(),
         two_seconds: 0.0,
         refused: contradictions(&joint),
         joint,

@@ -3,6 +3,7 @@
 use crate::common::field_days::{FieldDay, Knock, date, scenario};
 use boresight::drift::{Chart, ChartSettings, Overlap};
 use boresight::error::Error;
+use boresight::pipeline::Rig;
 
 const DAYS: u64 = 5;
 const KNOCKED: u64 = 4;
@@ -85,7 +86,8 @@ fn a_single_scanner_is_refused() {
     // Not with `FieldDay`, which needs the right scanner.
     let files = boresight::simulation::simulate(&day, folder.path(), &boresight::progress::Silent);
     let project = boresight::project::Project::read(&files.unwrap().drives[0].project).unwrap();
-    match boresight::pipeline::overlap(&project, &boresight::progress::Silent) {
+    let rig = Rig::new(&project);
+    match boresight::pipeline::overlap(&project, &rig, &boresight::progress::Silent) {
         Err(Error::Data { problem, .. }) => assert!(problem.contains("compares two"), "{problem}"),
         other => panic!("{other:?}"),
     }

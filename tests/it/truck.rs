@@ -10,7 +10,7 @@ use boresight::joint::adjust;
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans};
 use boresight::pipeline::clouds::Mounted;
 use boresight::pipeline::start::start;
-use boresight::pipeline::{clouds, stages};
+use boresight::pipeline::{Rig, clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::trajectory::Trajectory;
@@ -42,8 +42,10 @@ fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
 
 /// The same with poses other than those of the file.
 fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromScanner) -> f64 {
-    let streamed = clouds::stream(project, trajectory, None, &Silent).unwrap();
-    let placed = clouds::place(project, trajectory, Mounted::rigid(&[*mounting]), &streamed);
+    let rig = Rig::new(project).with_poses(&[*mounting]);
+    let mounted = Mounted::rigid(&rig);
+    let streamed = clouds::stream(project, trajectory, mounted, None, &Silent).unwrap();
+    let placed = clouds::place(trajectory, mounted, &streamed);
     // The passes are 41 s apart.
     let middle_s = 0.5 * (trajectory.span_s().0 + trajectory.span_s().1);
     let split = streamed[0]
@@ -92,7 +94,8 @@ fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
     let project = project_with(prior, Vec3::zeros(), folder.path());
     let two_steps = calibrated(&project);
     let poses = stages::poses(&project, &Silent).unwrap();
-    let samples = stages::samples(&project, poses.trajectory(), &Silent).unwrap();
+    let rig = Rig::new(&project);
+    let samples = stages::samples(&project, &rig, poses.trajectory(), &Silent).unwrap();
     let settings = JointSettings::default();
     let input = JointInput {
         mountings: two_steps.mountings.clone(),
@@ -163,14 +166,10 @@ fn poses_stored_with_the_points_reproduce_the_points() {
     let folder = tempfile::tempdir().unwrap();
     let project = project(Vec3::zeros(), folder.path());
     let poses = stages::poses(&project, &Silent).unwrap();
-    let identity = BodyFromScanner::identity();
-    let streamed = clouds::stream(&project, poses.trajectory(), None, &Silent).unwrap();
-    let placed = clouds::place(
-        &project,
-        poses.trajectory(),
-        Mounted::rigid(&[identity]),
-        &streamed,
-    );
+    let rig = Rig::new(&project).with_poses(&[BodyFromScanner::identity()]);
+    let mounted = Mounted::rigid(&rig);
+    let streamed = clouds::stream(&project, poses.trajectory(), mounted, None, &Silent).unwrap();
+    let placed = clouds::place(poses.trajectory(), mounted, &streamed);
     let mut file: Vec<[i64; 3]> = boresight::format::read_cloud(&truck())
         .unwrap()
         .points
@@ -192,18 +191,18 @@ fn millimetres(point: &Vec3) -> [i64; 3] {
 /// apart than the project's scales reach.
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let poses = stages::poses(project, &Silent).unwrap();
-    let samples = stages::samples(project, poses.trajectory(), &Silent).unwrap();
-    let start = start(project, poses.trajectory(), &samples, &[], &Silent);
+    let rig = Rig::new(project);
+    let samples = stages::samples(project, &rig, poses.trajectory(), &Silent).unwrap();
+    let start = start(project, &rig, poses.trajectory(), &samples, &[], &Silent);
     let mut verdicts = start.verdicts.iter();
     assert!(
         verdicts.all(|v| v.code == "mounting.start" || !v.severity.is_marked()),
         "{:?}",
         start.verdicts
     );
-    let settings = start.settings(project);
-    let project = start.project(project);
+    let (start, settings) = (&start.rig.mountings, start.rig.settings(project));
     let calibration =
-        stages::calibration(&project, &settings, &poses, &samples, &[], &Silent).unwrap();
+        stages::calibration(project, start, &settings, &poses, &samples, &[], &Silent).unwrap();
     (calibration, settings.voxel_sizes_m)
 }
 

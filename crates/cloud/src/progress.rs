@@ -25,6 +25,10 @@ pub trait Progress: Sync {
     fn say(&self, message: &str);
     /// Passes on one line that the user should act on.
     fn warn(&self, message: &str);
+    /// As [`Self::warn`], for a line that is also a verdict among the results: lists of warnings leave it out.
+    fn verdict(&self, text: &str) {
+        self.warn(text);
+    }
     /// Offers the named clouds as they lie at this moment of the work. `points` takes time: implementations
     /// that do not show the clouds do not call it.
     fn clouds(&self, _moment: &str, _names: &[&str], _points: &EachPoint<'_>) {}
@@ -147,6 +151,10 @@ impl Progress for Steps<'_> {
 
     fn warn(&self, message: &str) {
         self.progress.warn(message);
+    }
+
+    fn verdict(&self, text: &str) {
+        self.progress.verdict(text);
     }
 
     fn clouds(&self, moment: &str, names: &[&str], points: &EachPoint<'_>) {

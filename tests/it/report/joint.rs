@@ -11,7 +11,7 @@ use boresight::joint::{
     AdjustedDrive, GroupTest, Joint, JointReport, PoseMove, PositionBlocks, PositionResiduals,
     ReferenceError, ReferenceSigma, Region, Rung,
 };
-use boresight::pipeline::{Findings, result};
+use boresight::pipeline::{Findings, Rig, result};
 use boresight::report::render;
 use boresight::trajectory::{EstimatedConstant, StopReason, Trajectory};
 use nalgebra::DMatrix;
@@ -165,7 +165,8 @@ fn accepted() -> Full {
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
-        verdicts: Vec::new(),
+        fits_alone: false,
+        contradicted: Vec::new(),
         late: Vec::new(),
         result: Some(joint),
         refused: Vec::new(),
@@ -183,7 +184,8 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let joint = joint_result(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
-        verdicts: Vec::new(),
+        fits_alone: false,
+        contradicted: Vec::new(),
         late: Vec::new(),
         result: Some(joint),
         refused: vec![REASON.into()],
@@ -340,6 +342,7 @@ fn numbers_that_are_not_finite_never_reach_the_page() {
 
 fn document(full: Full) -> Value {
     result::document(&Findings {
+        rig: Rig::default(),
         calibration: full.result,
         joint: full.joint,
         variants: full.variants,
@@ -418,7 +421,8 @@ fn the_document_gives_the_reason_of_a_refusal() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
-        verdicts: Vec::new(),
+        fits_alone: false,
+        contradicted: Vec::new(),
         late: Vec::new(),
         result: None,
         refused: vec!["only 12 patches of the surface are known".into()],

@@ -40,8 +40,8 @@ pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
-    AdjustedDrive, Climb, GroupTest, Joint, JointReport, Jump, KnownPoint, LateScanner,
-    MovedMounting, PoseMove, ReferenceError, SurfelPlane, known_m,
+    AdjustedDrive, Climb, ContradictedLogs, GroupTest, Joint, JointReport, Jump, KnownPoint,
+    LateScanner, MovedMounting, PoseMove, ReferenceError, SurfelPlane, known_m,
 };
 pub use score::Score;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};

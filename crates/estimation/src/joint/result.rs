@@ -16,7 +16,7 @@ use crate::calibration::{Calibration, Method, Mounting, Observability, Unobserva
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::statistics::rms;
 use crate::stored::stored;
-use crate::trajectory::{EstimatedConstant, Trajectory};
+use crate::trajectory::{Doubt, EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
 
 /// Mountings and trajectories adjusted together.
@@ -233,12 +233,25 @@ pub struct JointReport {
     pub result: Option<Joint>,
     /// Reasons why its values are not those of the run, gravest first; empty if they are.
     pub refused: Vec<String>,
-    /// Verdicts on contradictions in the logs of the other drives, and on a reference that does not fit the drives.
-    pub verdicts: Vec<Verdict>,
+    /// Whether the adjustment is contradicted or fails with the reference, and no sensor contradicts the one without it.
+    pub fits_alone: bool,
+    /// Contradictions in the logs of the other drives.
+    pub contradicted: Vec<ContradictedLogs>,
     /// Scanners whose profiles are later than the project says, and were corrected.
     pub late: Vec<LateScanner>,
     /// Run time, seconds.
     pub seconds: f64,
+}
+
+/// Contradictions in the logs of a drive.
+#[derive(Debug, Clone)]
+pub struct ContradictedLogs {
+    /// Name of the drive.
+    pub drive: String,
+    /// Contradictions in the raw logs.
+    pub preflight: Vec<Verdict>,
+    /// Constants of the project that the drive contradicts.
+    pub doubts: Vec<Doubt>,
 }
 
 /// A scanner whose profiles are later than the project says.
@@ -356,7 +369,8 @@ impl Joint {
     }
 }
 
-stored!(struct JointReport { result, refused, verdicts, late, seconds });
+stored!(struct JointReport { result, refused, fits_alone, contradicted, late, seconds });
+stored!(struct ContradictedLogs { drive, preflight, doubts });
 stored!(struct Joint {
     mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
     drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,

@@ -1,4 +1,4 @@
-//! Projects with mountings or poses from an earlier run.
+//! Mountings and poses from an earlier run.
 
 use std::path::Path;
 
@@ -8,8 +8,8 @@ use super::source::Source;
 use super::written::Mountings;
 use crate::error::{Error, Location, Result};
 
-/// See [`Project::with_calibration`].
-pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project> {
+/// See [`Project::calibrated_scanners`].
+pub(super) fn scanners(project: &Project, path: &Path) -> Result<Vec<Scanner>> {
     if path.is_dir() {
         let expected = "a file of [[scanner]] tables, such as `calibration.toml` in it";
         return Err(Error::format(path, Location::Whole, "a folder", expected));
@@ -17,9 +17,8 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
     let source = &Source::read(path)?;
     let written: Mountings = source.parsed()?;
     let calibrated = resolve::scanners(source, &written.scanner)?;
-    let mut project = project.clone();
-    for scanner in &mut project.scanners {
-        let Some(same) = calibrated.iter().find(|s| s.name == scanner.name) else {
+    let with_values = |own: &Scanner| {
+        let Some(same) = calibrated.iter().find(|s| s.name == own.name) else {
             let names: Vec<String> = calibrated.iter().map(|s| format!("`{}`", s.name)).collect();
             let only = if names.is_empty() {
                 "no scanners".to_owned()
@@ -28,19 +27,22 @@ pub(super) fn with_calibration(project: &Project, path: &Path) -> Result<Project
             };
             return Err(source.error(
                 &[],
-                format!("{only}, not `{}`", scanner.name),
+                format!("{only}, not `{}`", own.name),
                 &format!(
                     "a [[scanner]] table for every scanner of {}",
                     project.path.display()
                 ),
             ));
         };
-        scanner.body_from_scanner = same.body_from_scanner;
-        scanner.convention = same.convention;
-        scanner.time_offset_s = same.time_offset_s;
-        scanner.compliance = same.compliance;
-    }
-    Ok(project)
+        Ok(Scanner {
+            body_from_scanner: same.body_from_scanner,
+            convention: same.convention,
+            time_offset_s: same.time_offset_s,
+            compliance: same.compliance,
+            ..own.clone()
+        })
+    };
+    project.scanners.iter().map(with_values).collect()
 }
 
 /// See [`super::mountings`].

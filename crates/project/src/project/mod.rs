@@ -3,6 +3,7 @@
 mod calibrated;
 mod checked;
 mod files;
+mod other;
 mod print;
 mod resolve;
 mod shapes;
@@ -22,6 +23,7 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use crate::calibration::{CalibrationSettings, Method};
 use crate::error::Result;
 use crate::geometry::{BodyAxes, BodyFromScanner};
 
@@ -83,14 +85,14 @@ impl Project {
         files::inputs(self)
     }
 
-    /// The project with the mountings and time offsets of its scanners from a `calibration.toml`, as
-    /// [`Project::scanners_to_toml`] prints it. Scanners are matched by name. Tables of other scanners and
+    /// The scanners of the project with mountings, time offsets and compliance from a `calibration.toml`, as
+    /// [`scanners_to_toml`] prints it. Scanners are matched by name. Tables of other scanners and
     /// the profiles in the file are ignored, as the calibration may be of another drive.
     ///
     /// # Errors
     /// The file cannot be read, a mistake in it, a scanner of the project that it does not have.
-    pub fn with_calibration(&self, path: &Path) -> Result<Self> {
-        calibrated::with_calibration(self, path)
+    pub fn calibrated_scanners(&self, path: &Path) -> Result<Vec<Scanner>> {
+        calibrated::scanners(self, path)
     }
 
     /// The project with the poses of this file instead of its logs or poses, as if `[trajectory]` had
@@ -102,19 +104,71 @@ impl Project {
         calibrated::with_trajectory(self, path)
     }
 
+    /// The project with this method of calibration.
+    pub fn with_method(self, method: Method) -> Self {
+        let two_steps = match method {
+            Method::Joint | Method::TwoStep => Method::TwoStep,
+            Method::Paper => Method::Paper,
+        };
+        Self {
+            is_joint: method == Method::Joint,
+            calibration: CalibrationSettings {
+                method: two_steps,
+                ..self.calibration
+            },
+            ..self
+        }
+    }
+
+    /// The project with this file as its reference, or without a reference.
+    pub fn with_reference(self, path: Option<PathBuf>) -> Self {
+        Self {
+            reference: path.map(|path| Reference { path }),
+            ..self
+        }
+    }
+
+    /// The project without its other drives.
+    pub fn alone(self) -> Self {
+        Self {
+            drives: Vec::new(),
+            evaluations: Vec::new(),
+            ..self
+        }
+    }
+
     /// The project as a project file with all values in use, which reads back as the same project.
     ///
     /// # Errors
     /// A path that is not valid UTF-8.
     pub fn to_toml(&self) -> Result<String> {
-        print::project(self)
+        print::project(self, None)
     }
 
-    /// Only the `[[scanner]]` tables, for pasting into a project.
+    /// As [`Self::to_toml`], with these scales of the calibration from coarse to fine, metres, in place of automatic ones.
     ///
     /// # Errors
     /// A path that is not valid UTF-8.
-    pub fn scanners_to_toml(&self) -> Result<String> {
-        print::scanners(self)
+    pub fn to_toml_with_scales(&self, voxel_sizes_m: &[f64]) -> Result<String> {
+        print::project(self, Some(voxel_sizes_m))
+    }
+}
+
+/// Only the `[[scanner]]` tables, for pasting into a project.
+///
+/// # Errors
+/// A path that is not valid UTF-8.
+pub fn scanners_to_toml(scanners: &[Scanner]) -> Result<String> {
+    print::scanners(scanners)
+}
+
+impl OtherDrive {
+    /// The project of this drive of `own`, with scanners in the order of `own`, and with its settings and origin. The
+    /// values of its scanners remain.
+    ///
+    /// # Errors
+    /// The project cannot be read, or lacks a scanner of `own`.
+    pub fn read(&self, own: &Project) -> Result<Project> {
+        other::read(self, own)
     }
 }

@@ -14,13 +14,13 @@ use crate::sensor::Observations;
 use crate::trajectory::{ImuNoise, PositionKind, PositionSettings};
 
 /// See [`Project::to_toml`].
-pub(super) fn project(project: &Project) -> Result<String> {
-    print(&written(project))
+pub(super) fn project(project: &Project, voxel_sizes_m: Option<&[f64]>) -> Result<String> {
+    print(&written(project, voxel_sizes_m))
 }
 
-/// See [`Project::scanners_to_toml`].
-pub(super) fn scanners(project: &Project) -> Result<String> {
-    let scanner = project.scanners.iter().map(scanner).collect();
+/// See [`super::scanners_to_toml`].
+pub(super) fn scanners(scanners: &[Scanner]) -> Result<String> {
+    let scanner = scanners.iter().map(scanner).collect();
     print(&written::Mountings { scanner })
 }
 
@@ -33,7 +33,7 @@ fn print<T: serde::Serialize>(value: &T) -> Result<String> {
     })
 }
 
-fn written(project: &Project) -> Written {
+fn written(project: &Project, voxel_sizes_m: Option<&[f64]>) -> Written {
     let calibration = &project.calibration;
     let comparison = &project.comparison;
     let mut written = Written {
@@ -49,10 +49,10 @@ fn written(project: &Project) -> Written {
             .as_ref()
             .map(|reference| write_reference(reference, &project.joint.reference)),
         calibration: written::Calibration {
-            voxel_sizes_m: Some(if project.has_auto_scales {
-                AUTO.into()
-            } else {
-                calibration.voxel_sizes_m.clone().into()
+            voxel_sizes_m: Some(match voxel_sizes_m {
+                Some(sizes) => sizes.to_vec().into(),
+                None if project.has_auto_scales => AUTO.into(),
+                None => calibration.voxel_sizes_m.clone().into(),
             }),
             neighbours: Some(calibration.neighbours),
             method: Some(method(project)),

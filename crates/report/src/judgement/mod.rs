@@ -5,9 +5,12 @@ mod agreement;
 mod constancy;
 mod convergence;
 mod drift;
+mod logs;
 mod method;
 mod motion;
+mod placement;
 mod precision;
+mod recording;
 mod reference;
 mod trajectory;
 mod truth;
@@ -15,8 +18,11 @@ mod truth;
 pub use agreement::verdicts as agreement;
 pub use constancy::verdict as constancy;
 pub use drift::verdicts as drift;
+pub use logs::consistent as consistent_logs;
 pub use method::verdicts as method;
+pub use placement::{far_starts, newer_calibration, placed, unusable_calibration};
 pub use precision::{observability, relative, unobservable};
+pub use recording::verdicts as recording;
 pub use reference::{disagreements, included as reference_sigmas};
 pub use trajectory::{doubt, verdicts as trajectory};
 
@@ -50,9 +56,7 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
         verdicts.extend(on_calibration);
     }
     for drive in results.drives.iter().skip(1) {
-        let logs = drive.preflight.iter().cloned();
-        let contradictions = logs.chain(drive.doubts.iter().map(doubt));
-        verdicts.extend(contradictions.map(|verdict| verdict.on(&drive.name)));
+        verdicts.extend(logs::on_other(&drive.name, &drive.preflight, &drive.doubts));
     }
     verdicts.extend(trajectories(results));
     attention_first(&mut verdicts);
@@ -122,7 +126,11 @@ fn calibration(
     verdicts.extend(agreement(drives, acceptance));
     if let Some(joint) = joint {
         verdicts.extend(joint.late.iter().map(late_scanner));
-        verdicts.extend(joint.verdicts.iter().cloned());
+        for logs in &joint.contradicted {
+            let (preflight, doubts) = (&logs.preflight, &logs.doubts);
+            verdicts.extend(logs::on_other(&logs.drive, preflight, doubts));
+        }
+        verdicts.extend(joint.fits_alone.then(reference::misplaced));
     }
     verdicts.extend(disagreements(calibrations));
     verdicts.extend(accepted.into_iter().flat_map(motion::verdicts));
@@ -153,7 +161,7 @@ fn calibration(
 }
 
 /// The verdict on a scanner whose clock is late according to the joint adjustment.
-fn late_scanner(scanner: &LateScanner) -> Verdict {
+pub fn late_scanner(scanner: &LateScanner) -> Verdict {
     let text = capitalised(&scanner.describe()) + ".";
     let verdict = Verdict::care("scanner.time_offset", text);
     verdict.with_value(scanner.late.value, Some(scanner.late.sigma))

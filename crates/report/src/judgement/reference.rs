@@ -36,6 +36,16 @@ pub fn height(joint: &Joint) -> Option<Verdict> {
     })
 }
 
+/// The verdict on a drive that fits together without the reference, and not with it.
+pub fn misplaced() -> Verdict {
+    Verdict::care(
+        "reference.placement",
+        "Without the reference the drive fits together, and no sensor contradicts it; with it, mountings would have to \
+         move, or no adjustment holds: is the reference in the coordinates of the total station, and was nothing moved \
+         since it was scanned?",
+    )
+}
+
 /// The errors of the whole reference that the standard deviations include; `None` without any.
 pub fn included(result: &Calibration, joint: Option<&JointReport>) -> Option<String> {
     let joint = joint?

@@ -333,7 +333,7 @@ fn printed_projects_read_back_to_the_same_project() {
 #[test]
 fn printed_scanners_can_be_pasted_into_another_project() {
     let project = read(UNUSUAL).unwrap();
-    let pasted = format!("{POSES}\n{}", project.scanners_to_toml().unwrap());
+    let pasted = format!("{POSES}\n{}", scanners_to_toml(&project.scanners).unwrap());
     let pasted = read(&pasted).unwrap();
     assert_eq!(pasted.scanners, project.scanners);
 }

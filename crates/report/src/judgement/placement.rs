@@ -1,0 +1,58 @@
+//! Verdicts on the mountings with which points are placed: where a calibration starts, and where the mountings of clouds
+//! come from.
+
+use std::path::Path;
+
+use crate::calibration::Mounting;
+use crate::verdict::{Verdict, capitalised};
+
+/// Largest error of a rough mounting: radians, metres.
+const ROUGH_START: (f64, f64) = (0.06, 0.1);
+
+/// The verdicts on start values that are far from the project's own.
+pub fn far_starts(own: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
+    let moved = own.iter().zip(start).map(|(own, start)| {
+        let (turn, shift) = start
+            .body_from_scanner
+            .perturbation_from(&own.body_from_scanner);
+        (&own.name, turn.norm(), shift.norm())
+    });
+    let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
+    let verdicts = far.map(|(name, turn, shift)| {
+        let text = format!(
+            "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
+             clouds then take up much less space: is that as wrong?",
+            turn.to_degrees()
+        );
+        Verdict::care("mounting.start", text).with_value(turn, None)
+    });
+    verdicts.collect()
+}
+
+/// The code of verdicts on the mountings of clouds.
+const MOUNTING: &str = "georeference.mounting";
+
+/// The verdict on clouds that are placed as they should be, from a description of how.
+pub fn placed(description: &str) -> Verdict {
+    Verdict::good(MOUNTING, capitalised(description) + ".")
+}
+
+/// The verdict on clouds that are placed with the mountings of a project although there is a newer calibration.
+pub fn newer_calibration(project: &Path, calibration: &Path) -> Verdict {
+    let text = format!(
+        "Placed with the mountings of {}, though {} is newer: give it with --calibration.",
+        project.display(),
+        calibration.display()
+    );
+    Verdict::care(MOUNTING, text)
+}
+
+/// The verdict on clouds that are placed with the mountings of a calibration that is marked as not usable.
+pub fn unusable_calibration(calibration: &Path) -> Verdict {
+    let name = calibration.file_name().unwrap_or_default();
+    let text = format!(
+        "Placed with the mountings of {}, which is marked as not usable: see what it says at its top.",
+        name.to_string_lossy()
+    );
+    Verdict::fault(MOUNTING, text)
+}
