@@ -1,5 +1,7 @@
 //! A project's own drive, calibrated: the stages from the reference to the joint adjustment.
 
+use serde::{Deserialize, Serialize};
+
 use super::findings::{Findings, Truth};
 use super::job::Job;
 use super::keys::Keys;
@@ -15,8 +17,7 @@ use crate::joint::{Joint, JointReport};
 use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
-use crate::results::Drive;
-use crate::stored::stored;
+use crate::results::{Calibrations, Drive};
 use crate::verdict::Severity;
 
 /// The results of the stages.
@@ -156,13 +157,15 @@ impl Calibrated {
         });
         job.warn_of_changes();
         let mut findings = Findings {
-            calibration,
-            joint: self.joint,
-            variants: variants.collect(),
-            mountings,
+            calibrations: Calibrations {
+                mountings,
+                result: calibration,
+                joint: self.joint,
+                variants: variants.collect(),
+                origin_m: project.origin_m,
+            },
             drives,
             scenes: Vec::new(),
-            origin_m: project.origin_m,
             background_m: self.background_m,
             made_s: page::now_s(),
             files: Vec::new(),
@@ -178,10 +181,10 @@ impl Calibrated {
 }
 
 /// Properties of a project that follow from its samples.
+#[derive(Serialize, Deserialize)]
 struct Sampled {
     voxel_sizes_m: Vec<f64>,
 }
-stored!(struct Sampled { voxel_sizes_m });
 
 impl Sampled {
     /// The project with the scales that follow from its points.
@@ -211,15 +214,16 @@ pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 /// # Errors
 /// A file cannot be written.
 pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
-    let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
+    let accepted = findings.calibrations.accepted();
     let placed = stages::with_latencies(project, accepted);
-    let placed = stages::with_mountings(&placed, &findings.calibration.poses());
+    let result = &findings.calibrations.result;
+    let placed = stages::with_mountings(&placed, &result.poses());
     let text = result::marked_toml(&placed, &findings.verdicts)?;
     job.write("calibration.toml", &text)?;
     if let Some(own) = findings.drives.first() {
         let moved = accepted.and_then(|joint| joint.drives.first());
         let moved = moved.map_or(&[][..], |drive| &drive.bending);
-        let text = mounting::table(&findings.calibration, moved, &own.poses);
+        let text = mounting::table(result, moved, &own.poses);
         job.write("mounting.csv", &text)?;
     }
     Ok(())

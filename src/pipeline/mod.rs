@@ -17,6 +17,7 @@ mod init;
 mod inputs;
 mod job;
 pub mod joint;
+mod kept;
 mod kept_page;
 mod keys;
 mod logs;

@@ -1,5 +1,7 @@
 //! The start values and the scales of a calibration.
 
+use serde::{Deserialize, Serialize};
+
 use super::stages::{initial_poses, mountings, open_profiles, with_mountings};
 use crate::calibration::{CalibrationSettings, ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
@@ -10,7 +12,6 @@ use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::statistics::median;
-use crate::stored::stored;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -93,6 +94,7 @@ fn finest_scale(scanner: &Scanner, trajectory: &Trajectory) -> Result<Option<f64
 }
 
 /// The start of the calibration of a project.
+#[derive(Serialize, Deserialize)]
 pub struct Start {
     /// The initial mountings: those of the project, unless the clouds take up much less space with others.
     pub mountings: Vec<BodyFromScanner>,
@@ -101,7 +103,6 @@ pub struct Start {
     /// Contradictions between the scans and their placement.
     pub verdicts: Vec<Verdict>,
 }
-stored!(struct Start { mountings, voxel_sizes_m, verdicts });
 
 impl Start {
     /// The project with these mountings.
