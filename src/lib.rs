@@ -168,7 +168,6 @@
 //! | [`error`] | the error type, with file, line and remedy |
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
-//! | [`stored`] | results as bytes, from which they come back exactly |
 //! | [`statistics`] | median, quantiles, χ², F, Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`verdict`] | statements about results, with severity and code |
@@ -204,9 +203,7 @@ pub mod cli;
 pub mod pipeline;
 
 pub use boresight_cloud::{Error, Problem, Result, nalgebra};
-pub use boresight_cloud::{
-    cloud, comparison, error, geometry, output, progress, statistics, stored,
-};
+pub use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics};
 pub use boresight_estimation::{
     adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory, verdict,
 };

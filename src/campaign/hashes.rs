@@ -28,7 +28,7 @@ const FILE: &str = "hashes.json";
 /// Hashes of the files of a campaign's folder by their names. A file with the same size and time as in an earlier call
 /// is not read again; a file that cannot be read has no hash: the item that needs it reports the error.
 ///
-/// The hashes cannot be stored; [`Error::Cancelled`].
+/// # Errors
 /// The hashes cannot be kept; [`Error::Cancelled`].
 pub fn hashes(
     files: &[String],

@@ -1,6 +1,6 @@
 //! The items of a campaign: each depends on the content of its inputs, and its name contains a hash of this content.
 
-use std::fmt::{Display, Write as _};
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use twox_hash::xxhash3_128::Hasher;
 
 use crate::comparison::ComparisonSettings;
 use crate::error::Error;
-use crate::pipeline::PROGRAM;
+use crate::pipeline::Key;
 use crate::project::Project;
 
 /// The kind of an item.
@@ -174,17 +174,14 @@ pub struct Item {
 impl Item {
     /// The item with its name.
     pub fn named(mut self) -> Self {
-        let mut text = format!("{PROGRAM}\n");
-        // Writing to a string cannot fail. `Debug` prints numbers exactly.
-        let _ = writeln!(text, "{:?}\n{:?}", self.task, self.needs);
-        for input in &self.inputs {
-            let _ = writeln!(text, "{:?}", input.hash);
-        }
+        let hashes: Vec<_> = self.inputs.iter().map(|input| &input.hash).collect();
+        let key = Key::default().with(&self.task).with(&self.needs);
+        let key = key.with(&hashes).to_string();
         let mut name = self.kind.name().to_owned();
         for part in [&self.plot, &self.date].into_iter().flatten() {
             name = name + "_" + part;
         }
-        self.name = format!("{name}_{:016x}", Hasher::oneshot(text.as_bytes()) as u64);
+        self.name = name + "_" + &key[..16];
         self
     }
 

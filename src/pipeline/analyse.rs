@@ -173,12 +173,12 @@ fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>)
         let text = file.text(&content);
         if !text.is_empty() {
             job.write(&format!("{}/{}", csv::FOLDER, file.name), &text)?;
-            content.csv.push(file.name);
+            content.csv.push(file.name.to_owned());
         }
     }
     job.write("report.html", &report::render(&content))?;
     let path = job.path(kept_page::NAME);
-    let bytes = kept_page::bytes_of(&content, &project.path);
+    let bytes = kept_page::bytes_of(&content, &project.path)?;
     std::fs::write(&path, bytes).map_err(|error| Error::io(&path, error))?;
     let document = result::document(findings);
     job.write("result.json", &format!("{document:#}\n"))

@@ -16,7 +16,7 @@ use crate::joint::{Joint, JointReport};
 use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
-use crate::results::Drive;
+use crate::results::{Calibrations, Drive};
 use crate::verdict::Severity;
 
 /// The results of the stages.
@@ -180,13 +180,15 @@ impl<'a> Calibrated<'a> {
         job.warn_of_changes();
         let mut findings = Findings {
             rig,
-            calibration,
-            joint: self.joint,
-            variants: variants.collect(),
-            mountings,
+            calibrations: Calibrations {
+                mountings,
+                result: calibration,
+                joint: self.joint,
+                variants: variants.collect(),
+                origin_m: project.origin_m,
+            },
             drives,
             scenes: Vec::new(),
-            origin_m: project.origin_m,
             background_m: self.background_m,
             made_s: page::now_s(),
             files: Vec::new(),
@@ -219,14 +221,14 @@ pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 /// # Errors
 /// A file cannot be written.
 pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
-    let accepted = findings.joint.as_ref().and_then(JointReport::accepted);
+    let accepted = findings.calibrations.accepted();
     let scanners = findings.rig.scanners(project);
     let text = result::marked_toml(&scanners, &findings.verdicts)?;
     job.write("calibration.toml", &text)?;
     if let Some(own) = findings.drives.first() {
         let moved = accepted.and_then(|joint| joint.drives.first());
         let moved = moved.map_or(&[][..], |drive| &drive.bending);
-        let text = mounting::table(&findings.calibration, moved, &own.poses);
+        let text = mounting::table(&findings.calibrations.result, moved, &own.poses);
         job.write("mounting.csv", &text)?;
     }
     Ok(())

@@ -214,7 +214,7 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
 /// The outcome of a whole run.
 fn outcome(findings: &Findings, out: &Path) -> Outcome {
     let names = ["result.json", "calibration.toml", "trajectory.csv"].map(str::to_owned);
-    let scanners = findings.calibration.mountings.iter();
+    let scanners = findings.calibrations.result.mountings.iter();
     let clouds = scanners.map(|mounting| clouds::name(&mounting.name));
     Outcome {
         result: result::document(findings),

@@ -79,8 +79,8 @@ pub fn field(
     let content = Content {
         title: name.to_owned(),
         imprint: project.imprint.clone(),
-        drives,
-        warnings: &warnings,
+        drives: drives.into(),
+        warnings: warnings.as_slice().into(),
         verdicts: verdicts.clone(),
         ..Content::default()
     };

@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use super::rig::Rig;
-use crate::calibration::{Calibration, Variant};
-use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
-use crate::joint::JointReport;
 use crate::progress::StageSeconds;
 use crate::report::content::InputFile;
 use crate::report::scene::Scene;
@@ -41,20 +38,12 @@ pub struct Truth {
 pub struct Findings {
     /// The scanners with the values found.
     pub rig: Rig,
-    /// The calibration, with the reference if there is one.
-    pub calibration: Calibration,
-    /// The joint adjustment, if the project asks for it.
-    pub joint: Option<JointReport>,
-    /// Calibrations of the same drive under other conditions.
-    pub variants: Vec<(Variant, Calibration)>,
-    /// The mountings for which clouds were compared, in the order of the project's scanners.
-    pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
+    /// The calibration, with the values that it is compared with.
+    pub calibrations: Calibrations,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
     /// The clouds of each drive for the viewer.
     pub scenes: Vec<Option<Scene>>,
-    /// The project's origin, metres; it is subtracted from all coordinates in these findings.
-    pub origin_m: Vec3,
     /// The reference, thinned for drawing, with the project's origin subtracted.
     pub background_m: Vec<Vec3>,
     /// When the results were computed, seconds since 1970.
@@ -79,13 +68,7 @@ impl Findings {
         Results {
             drives: &self.drives,
             placement: &self.placement,
-            calibrations: Some(Calibrations {
-                mountings: &self.mountings,
-                result: &self.calibration,
-                joint: self.joint.as_ref(),
-                variants: &self.variants,
-                origin_m: self.origin_m,
-            }),
+            calibrations: Some(&self.calibrations),
         }
     }
 }

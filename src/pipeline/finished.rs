@@ -2,21 +2,22 @@
 //! later stages, continues from them.
 //!
 //! A stage is found by its name and its [`Key`]: a hash of the program, of the contents of the files, and of the
-//! settings on which its result depends. A kept stage appears complete and ends with a hash of itself; any other file
-//! is ignored. Files that a stage wrote are kept as hard links.
+//! settings on which its result depends. A file that does not hold a complete result is ignored. Files that a stage
+//! wrote are kept as hard links.
 
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use twox_hash::xxhash3_128::Hasher;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::inputs::{Inputs, hash_of, size};
+use super::kept;
 use super::keys::{DIGITS, Key};
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::Progress;
-use crate::stored::Stored;
 
 /// Suffix that turns the name of the folder of results into that of the finished stages.
 const SUFFIX: &str = ".finished";
@@ -24,6 +25,7 @@ const SUFFIX: &str = ".finished";
 const END: &str = ".kept";
 
 /// A stage that was finished.
+#[derive(Serialize, Deserialize)]
 pub struct Stage<T> {
     /// Its result.
     pub value: T,
@@ -31,22 +33,6 @@ pub struct Stage<T> {
     pub warnings: Vec<String>,
     /// Its duration.
     pub seconds: f64,
-}
-
-impl<T: Stored> Stored for Stage<T> {
-    fn store(&self, bytes: &mut Vec<u8>) {
-        self.value.store(bytes);
-        self.warnings.store(bytes);
-        self.seconds.store(bytes);
-    }
-
-    fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        Some(Self {
-            value: T::restore(bytes)?,
-            warnings: Stored::restore(bytes)?,
-            seconds: Stored::restore(bytes)?,
-        })
-    }
 }
 
 /// The folder of finished stages.
@@ -98,7 +84,7 @@ impl Finished {
     ///
     /// # Errors
     /// [`Error::Cancelled`].
-    pub fn find<T: Stored>(
+    pub fn find<T: DeserializeOwned>(
         &mut self,
         stage: &str,
         key: &Key,
@@ -106,7 +92,10 @@ impl Finished {
         progress: &dyn Progress,
     ) -> Result<Option<Stage<T>>> {
         let place = self.place(stage, key, "");
-        let Some((hashes, finished)) = read_whole(&place).filter(|_| self.finds) else {
+        if !self.finds {
+            return Ok(None);
+        }
+        let Ok((hashes, finished)) = kept::read::<(Vec<u128>, _)>(&place) else {
             return Ok(None);
         };
         let places = self.places(stage, key, paths);
@@ -140,7 +129,7 @@ impl Finished {
     ///
     /// # Errors
     /// The folder cannot be written; [`Error::Cancelled`].
-    pub fn keep<T: Stored>(
+    pub fn keep<T: Serialize>(
         &mut self,
         stage: &str,
         key: &Key,
@@ -164,13 +153,11 @@ impl Finished {
             }
         }
         let hashes = paths.iter().map(|path| hash_seen(path, progress));
-        let mut bytes = Vec::new();
-        hashes.collect::<Result<Vec<u128>>>()?.store(&mut bytes);
-        finished.store(&mut bytes);
-        Hasher::oneshot(&bytes).store(&mut bytes);
+        let hashes: Vec<u128> = hashes.collect::<Result<_>>()?;
+        let bytes = kept::bytes_of(&(hashes, finished))?;
         let place = self.place(stage, key, "");
         let path = staged(&place);
-        fs::write(&path, &bytes).map_err(|error| Error::io(&path, error))?;
+        fs::write(&path, bytes).map_err(|error| Error::io(&path, error))?;
         staging.commit()?;
         self.used.extend(places);
         self.used.push(place);
@@ -244,21 +231,6 @@ fn is_kept(name: &OsStr) -> bool {
     let key = stem.rsplit_once('-').map_or("", |(_, key)| key);
     let is_digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
     key.len() == DIGITS && key.bytes().all(is_digit)
-}
-
-/// The hashes of the files of a stage, and its result, if the kept file is complete.
-fn read_whole<T: Stored>(path: &Path) -> Option<(Vec<u128>, Stage<T>)> {
-    // Opening a pipe would block until another process writes to it.
-    if !path.metadata().ok()?.is_file() {
-        return None;
-    }
-    let bytes = fs::read(path).ok()?;
-    let (mut content, mut hash) = bytes.split_at_checked(bytes.len().checked_sub(16)?)?;
-    if u128::restore(&mut hash) != Some(Hasher::oneshot(content)) {
-        return None;
-    }
-    let stage = Stored::restore(&mut content)?;
-    content.is_empty().then_some(stage)
 }
 
 #[cfg(test)]

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use super::finished::{Finished, Stage};
 use super::keys::Key;
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{EachPoint, Progress, StageSeconds};
-use crate::stored::Stored;
 
 /// A running command. Its results appear with [`Job::commit`], all or none of them.
 pub struct Job<'a> {
@@ -77,7 +79,7 @@ impl<'a> Job<'a> {
     ///
     /// # Errors
     /// As for [`Self::timed`].
-    pub fn once<T: Stored>(
+    pub fn once<T: Serialize + DeserializeOwned>(
         &mut self,
         name: &str,
         key: &Key,
@@ -90,7 +92,7 @@ impl<'a> Job<'a> {
     ///
     /// # Errors
     /// As for [`Self::timed`].
-    pub fn once_writing<T: Stored>(
+    pub fn once_writing<T: Serialize + DeserializeOwned>(
         &mut self,
         name: &str,
         results: &[String],

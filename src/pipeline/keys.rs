@@ -1,4 +1,4 @@
-//! Keys of the stages of a run: hashes of the inputs on which their results depend.
+//! Keys of results that are kept on disk: hashes of everything on which they depend.
 
 use std::fmt::{self, Debug, Display, Write};
 
@@ -16,9 +16,16 @@ use crate::verdict::Acceptance;
 /// Digits of a key.
 pub const DIGITS: usize = 32;
 
-/// A hash of the inputs on which the result of a stage depends.
-#[derive(Clone, Default)]
+/// A hash of everything on which a result depends: the program, and what the key is extended by.
+#[derive(Clone)]
 pub struct Key(Hasher);
+
+impl Default for Key {
+    /// The key of a result that depends on the program alone.
+    fn default() -> Self {
+        Self(Hasher::new()).with(&PROGRAM)
+    }
+}
 
 impl Key {
     /// The key extended by a value, with its digits as `Debug` prints them, which is exact.
@@ -68,7 +75,7 @@ impl Keys {
     /// # Errors
     /// The project of another drive cannot be read.
     pub fn new(project: &Project, inputs: &Inputs) -> Result<Self> {
-        let program = Key(Hasher::new()).with(&PROGRAM);
+        let program = Key::default();
         let other = |drive: &OtherDrive| -> Result<Key> {
             let project = Project::read(&drive.project)?;
             let key = key_of(&before_comparison(&project), inputs, &program);

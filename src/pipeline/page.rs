@@ -1,5 +1,6 @@
 //! Content of the report: the findings, with title, command and inputs.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -27,19 +28,19 @@ pub fn content<'a>(
         project: project.path.display().to_string(),
         seed: extras.seed,
         made_s: Some(findings.made_s),
-        files: &findings.files,
+        files: Cow::Borrowed(&findings.files),
         platform: Some(platform(
             project,
             findings.scenes.first().and_then(Option::as_ref),
         )),
         inputs: inputs(project, &findings.drives),
-        calibrations: findings.results().calibrations,
-        drives: &findings.drives,
-        scenes: &findings.scenes,
-        background_m: &findings.background_m,
-        stages: &findings.stages,
+        calibrations: Some(Cow::Borrowed(&findings.calibrations)),
+        drives: Cow::Borrowed(&findings.drives),
+        scenes: Cow::Borrowed(&findings.scenes),
+        background_m: Cow::Borrowed(&findings.background_m),
+        stages: Cow::Borrowed(&findings.stages),
         peak_memory_bytes: peak_memory_bytes(),
-        warnings: &findings.warnings,
+        warnings: Cow::Borrowed(&findings.warnings),
         verdicts: findings.verdicts.clone(),
         ..Content::default()
     };
@@ -105,7 +106,7 @@ pub fn trajectory<'a>(
         logo: project.imprint.logo_uri()?,
         made_s: Some(now_s()),
         inputs: log_facts(project),
-        drives,
+        drives: Cow::Borrowed(drives),
         ..Content::default()
     })
 }

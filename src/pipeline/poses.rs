@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::logs::DriveLogs;
 use super::recorded;
 use crate::error::{Error, Result};
@@ -14,7 +16,6 @@ use crate::preflight::{
 use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
-use crate::stored::stored;
 use crate::trajectory::{
     Constant, Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
 };
@@ -40,7 +41,7 @@ pub struct EstimatedPoses {
 }
 
 /// The trajectory of the body with the results of its estimation.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Poses {
     /// The poses, the project's origin subtracted.
     pub trajectory: Trajectory,
@@ -55,8 +56,6 @@ pub struct Poses {
     /// Contradictions in the raw logs.
     pub preflight: Vec<Verdict>,
 }
-
-stored!(struct Poses { trajectory, solution, rejected_rows, seconds, doubts, preflight });
 
 impl EstimatedPoses {
     /// Poses without a joint covariance.

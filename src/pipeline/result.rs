@@ -1,9 +1,10 @@
 //! `result.json`.
 
+use nalgebra::DMatrix;
 use serde_json::{Map, Value, json};
 
 use super::findings::Findings;
-use crate::calibration::{Calibration, Mounting, MountingForms, Variant};
+use crate::calibration::{Calibration, Mounting, MountingForms, PARAMETER_NAMES, Variant};
 use crate::comparison::{Against, Agreements, MountingKind};
 use crate::diagnostics::{self, PoseSigmas};
 use crate::error::Result;
@@ -11,7 +12,7 @@ use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, Joint, JointReport, known_m};
 use crate::progress::StageSeconds;
 use crate::project::{Scanner, scanners_to_toml};
-use crate::results::Drive;
+use crate::results::{Calibrations, Drive};
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
 use crate::trajectory::{Solution, StopReason};
@@ -19,9 +20,12 @@ use crate::verdict::{Headline, Verdict};
 
 /// The complete `result.json`.
 pub fn document(findings: &Findings) -> Value {
-    let mut document = calibrated(&findings.calibration);
-    if let Some(report) = &findings.joint {
-        document["calibration"]["joint"] = joint(report, &findings.calibration, &findings.origin_m);
+    let Calibrations {
+        result, origin_m, ..
+    } = &findings.calibrations;
+    let mut document = calibrated(result);
+    if let Some(report) = &findings.calibrations.joint {
+        document["calibration"]["joint"] = joint(report, result, origin_m);
     }
     document["boresight"] = json!(env!("CARGO_PKG_VERSION"));
     document["drives"] = drives(&findings.drives);
@@ -36,7 +40,7 @@ pub fn document(findings: &Findings) -> Value {
             document["rejected_rows"] = json!(drive.rejected_rows);
         }
     }
-    for (variant, calibration) in &findings.variants {
+    for (variant, calibration) in &findings.calibrations.variants {
         let key = match variant {
             Variant::TwoStep => "two_steps",
             Variant::WithoutReference => "without_reference",
@@ -45,9 +49,8 @@ pub fn document(findings: &Findings) -> Value {
         };
         document[key] = calibrated(calibration);
     }
-    let mut mountings = findings.mountings.iter();
-    if let Some((_, truth)) = mountings.find(|(kind, _)| *kind == MountingKind::Truth) {
-        let scanners = findings.calibration.mountings.iter().zip(truth);
+    if let Some(truth) = findings.calibrations.mountings(MountingKind::Truth) {
+        let scanners = result.mountings.iter().zip(truth);
         let truth = scanners.map(|(mounting, pose)| {
             let value = json!({ "body_from_scanner": MountingForms::from(pose) });
             (mounting.name.clone(), value)
@@ -84,7 +87,20 @@ const WORST: usize = 20;
 /// The adjustment of the trajectory: the solution with the test of each sensor, the worst
 /// measurements, the number of rejections, and the standard deviations of the poses.
 pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
-    let mut value = json!(solution);
+    let mut value = json!({
+        "iterations": solution.iterations,
+        "converged": solution.converged,
+        "stop": solution.stop,
+        "cost_initial": solution.cost_initial,
+        "cost_final": solution.cost_final,
+        "nodes": solution.nodes,
+        "sensors": solution.sensors,
+        "constants": solution.constants,
+        "rejections": solution.rejections,
+        "clock_jumps": solution.clock_jumps,
+        "imu_gaps_s": solution.imu_gaps_s,
+        "rests_s": solution.rests_s,
+    });
     for (i, sensor) in solution.sensors.iter().enumerate() {
         value["sensors"][i]["chi_square_passed"] = json!(diagnostics::passes(sensor));
     }
@@ -99,11 +115,60 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
 
 /// A calibration: the mountings, and the course of the calibration.
 pub fn calibrated(result: &Calibration) -> Value {
-    let mut calibration = json!(result);
-    if let Some(entries) = calibration.as_object_mut() {
-        entries.remove("scanners");
-    }
-    json!({ "scanners": result.scanners(), "calibration": calibration })
+    let directions = result.observability.unobservable.iter();
+    let directions = directions.map(
+        |direction| json!({ "eigenvalue_share": direction.share, "what": direction.description }),
+    );
+    let minimum = result.minimum.as_ref().map(|minimum| {
+        json!({
+            "shift_m": minimum.shift_m,
+            "turn_rad": minimum.turn_rad,
+            "starts": minimum.starts,
+            "back": minimum.back,
+        })
+    });
+    let constancy = result.constancy.as_ref().map(|constancy| {
+        json!({
+            "ratio_to_expected": constancy.ratio,
+            "block_rms_m": constancy.rms_m,
+            "constant": constancy.constant,
+            "strongest_correlation": constancy.strongest,
+            "jump": constancy.jump,
+        })
+    });
+    let parameters = result.mountings.iter().flat_map(|mounting| {
+        let names = PARAMETER_NAMES.iter().enumerate();
+        names.map(|(index, name)| {
+            let unit = if index < 3 { "m" } else { "rad" };
+            json!({ "name": format!("{}.{name}", mounting.name), "unit": unit })
+        })
+    });
+    let rows = |matrix: &DMatrix<f64>| -> Value {
+        let rows = matrix.row_iter();
+        rows.map(|row| row.iter().copied().collect::<Value>())
+            .collect()
+    };
+    let relative = result.relative().into_iter();
+    let relative = relative.map(|relative| (relative.name.clone(), json!(relative)));
+    json!({
+        "scanners": result.scanners(),
+        "calibration": {
+            "method": result.method,
+            "converged": result.converged,
+            "scales": result.scales,
+            "eigenvalue_shares": result.observability.shares,
+            "undetermined": directions.collect::<Value>(),
+            "origin_sigma_m": result.origin_sigma_m,
+            "minimum": minimum,
+            "mounting_constant": constancy,
+            "gap": result.gap,
+            "parameters": parameters.collect::<Value>(),
+            "covariance": result.covariance.as_ref().map(rows),
+            // Null where a parameter is fixed or unobservable.
+            "correlation": result.correlation().as_ref().map(rows),
+            "relative": relative.collect::<Map<_, _>>(),
+        },
+    })
 }
 
 /// `calibration.joint`: course and tests of the joint adjustment, and the reasons if it was refused.

@@ -2,18 +2,19 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use crate::calibration::{CalibrationSettings, Mounting};
 use crate::error::Result;
 use crate::geometry::BodyFromScanner;
 use crate::georeference::Georeferencer;
 use crate::joint::Compliance;
 use crate::project::{Project, Scanner};
-use crate::stored::stored;
 use crate::trajectory::Trajectory;
 
 /// The scanners of a drive as a run knows them, in the order of its project, and the scales that suit their points. A
 /// run begins with the values of the project; each stage then uses what earlier stages found.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rig {
     /// The mountings.
     pub mountings: Vec<Mounting>,
@@ -24,7 +25,6 @@ pub struct Rig {
     /// Scales of the calibration from coarse to fine, metres.
     pub voxel_sizes_m: Vec<f64>,
 }
-stored!(struct Rig { mountings, time_offsets_s, compliance, voxel_sizes_m });
 
 impl Rig {
     /// The values of a project.

@@ -1,5 +1,7 @@
 //! The start values and the scales of a calibration.
 
+use serde::{Deserialize, Serialize};
+
 use super::rig::Rig;
 use super::stages::open_profiles;
 use crate::calibration::{ScannerSample, better_start, point_spacing_m};
@@ -11,7 +13,6 @@ use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::statistics::median;
-use crate::stored::stored;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -98,6 +99,7 @@ fn finest_scale(
 }
 
 /// The start of the calibration of a project.
+#[derive(Serialize, Deserialize)]
 pub struct Start {
     /// The mountings of the project, unless the clouds take up much less space with others; and its scales, preceded by
     /// coarser ones if the clouds lie farther apart than the scales of the project reach.
@@ -105,7 +107,6 @@ pub struct Start {
     /// Contradictions between the scans and their placement.
     pub verdicts: Vec<Verdict>,
 }
-stored!(struct Start { rig, verdicts });
 
 /// Examines the scans with the mountings of `rig`, and finds the start of the calibration.
 pub fn start(

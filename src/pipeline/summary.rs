@@ -35,17 +35,19 @@ pub fn run(findings: &Findings, report: &str) -> String {
 
 /// The method whose values are the result, and the mountings.
 pub fn calibration(findings: &Findings) -> String {
-    let methods = judgement::method(&findings.calibration, findings.joint.as_ref());
+    let calibrations = &findings.calibrations;
+    let (result, joint) = (&calibrations.result, calibrations.joint.as_ref());
+    let methods = judgement::method(result, joint);
     let methods = methods
         .iter()
         .filter(|verdict| !verdict.severity.is_marked());
     let methods: String = methods
         .map(|verdict| format!("{}\n\n", verdict.text))
         .collect();
-    let reference = judgement::reference_sigmas(&findings.calibration, findings.joint.as_ref());
+    let reference = judgement::reference_sigmas(result, joint);
     format!(
         "{methods}{}\n{}",
-        mountings(&findings.calibration),
+        mountings(result),
         reference.map_or(String::new(), |text| text + "\n")
     )
 }
@@ -248,7 +250,7 @@ fn sensors(solution: &Solution) -> Vec<String> {
         column("used", &|s| s.count.to_string()),
         column("rejected", &|s| s.rejected.to_string()),
         column("ignored", &|s| s.ignored.to_string()),
-        column("RMS", &|s| diagnostics::quantity(s.rms_raw, s.unit)),
+        column("RMS", &|s| diagnostics::quantity(s.rms_raw, &s.unit)),
         column("RMS/sigma", &|s| format!("{:.2}", s.rms_normalised)),
         column("redundancy", &|s| format!("{:.0}", s.redundancy)),
         column("variance component", &component),

@@ -84,7 +84,7 @@ impl Field {
     /// The largest error of a parameter in units of its standard deviation, of a position (metres) and of a rotation
     /// (degrees).
     pub fn errors(&self, findings: &Findings) -> [f64; 3] {
-        let calibration = &findings.calibration;
+        let calibration = &findings.calibrations.result;
         let mut worst = [0.0_f64; 3];
         for (scanner, (mounting, truth)) in
             calibration.mountings.iter().zip(&self.truth).enumerate()

@@ -8,7 +8,6 @@
 //! | [`error`] | the error type, with file, line and remedy |
 //! | [`progress`] | progress of stages, cancellation |
 //! | [`output`] | result files, written completely or not at all |
-//! | [`stored`] | results serialised to bytes and restored bit by bit |
 //! | [`statistics`] | median, quantiles, χ², F, Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
@@ -21,7 +20,6 @@ pub mod geometry;
 pub mod output;
 pub mod progress;
 pub mod statistics;
-pub mod stored;
 
 pub use error::{Error, Problem, Result};
 /// The linear algebra of the public interface.

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 
 /// Calls a function with the number of a cloud and the coordinates of a point in the world, metres, for every
@@ -167,7 +169,7 @@ impl Progress for Steps<'_> {
 }
 
 /// The run time of one stage.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageSeconds {
     /// Name, for example "trajectory".
     pub name: String,

@@ -25,5 +25,5 @@ pub mod trajectory;
 pub mod verdict;
 
 // The modules of earlier crates, under the names that they have in `boresight`.
-use boresight_cloud::{cloud, error, geometry, progress, statistics, stored};
+use boresight_cloud::{cloud, error, geometry, progress, statistics};
 use boresight_format::{format, sensor};

@@ -1,10 +1,9 @@
 //! Verdicts: statements about results, each with a severity and a stable code.
 
-use crate::stored::stored;
 use serde::{Deserialize, Serialize};
 
 /// Severity of a statement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// All is well.
@@ -26,7 +25,7 @@ impl Severity {
 
 /// A statement in words that a field crew understands, for example "Left scanner: points agree with
 /// the reference scan to 1.3 mm (before: 43 mm)".
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Its severity.
     pub severity: Severity,
@@ -40,7 +39,6 @@ pub struct Verdict {
     /// Standard deviation of the number.
     pub sigma: Option<f64>,
     /// The drive or run that it is about, for example `drive-2`; `None` for the main one.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub about: Option<String>,
 }
 
@@ -161,16 +159,6 @@ pub fn capitalised(text: &str) -> String {
     }
     text
 }
-
-stored!(struct Verdict { severity, code, text, value, sigma, about });
-stored!(
-    enum Severity {
-        Good,
-        Note,
-        Care,
-        Fault,
-    }
-);
 
 #[cfg(test)]
 mod tests {

@@ -13,4 +13,4 @@ pub mod sensor;
 pub mod tiles;
 
 // Modules of the crates below, under the names that they have in `boresight`.
-use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics, stored};
+use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics};

@@ -25,7 +25,7 @@ pub struct WorstMeasurement {
     /// `east`, `north`, `up`, or the name of the angle.
     pub component: String,
     /// Unit of the residual.
-    pub unit: &'static str,
+    pub unit: String,
     /// Predicted − measured.
     pub residual: f64,
     /// In standard deviations of the measurement.
@@ -56,7 +56,9 @@ pub fn worst(solution: &Solution, count: usize) -> Vec<WorstMeasurement> {
                 record: residual.record,
                 time_s: residual.time_s,
                 component: component_name(sensor, residual.tests.len(), at),
-                unit: solution.sensor(sensor).map_or("", |s| s.unit),
+                unit: solution
+                    .sensor(sensor)
+                    .map_or(String::new(), |s| s.unit.clone()),
                 residual: *residual.values.get(at)?,
                 normalised: *residual.normalised.get(at)?,
                 test: *test,
@@ -253,7 +255,7 @@ pub struct ConstantText {
     /// Value in the project.
     pub start: String,
     /// Unit of all three.
-    pub unit: &'static str,
+    pub unit: String,
 }
 
 /// An estimated constant in display units.
@@ -268,6 +270,6 @@ pub fn constant_text(constant: &EstimatedConstant) -> ConstantText {
         value: number::fixed(factor * constant.value, decimals),
         sigma: sigma.map(|sigma| number::fixed(sigma, decimals)),
         start: number::shortest(factor * constant.start),
-        unit,
+        unit: unit.into(),
     }
 }

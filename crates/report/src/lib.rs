@@ -18,6 +18,6 @@ pub mod report;
 pub mod results;
 
 // The modules of earlier crates, under the names that they have in `boresight`.
-use boresight_cloud::{cloud, comparison, error, geometry, progress, statistics, stored};
+use boresight_cloud::{cloud, comparison, error, geometry, progress, statistics};
 use boresight_estimation::{calibration, drift, joint, trajectory, verdict};
 use boresight_format::{format, sensor};

@@ -1,11 +1,12 @@
 //! Results of the stages, before they are judged or shown.
 
+use serde::{Deserialize, Serialize};
+
 use crate::calibration::{Calibration, Method, Variant};
 use crate::comparison::{Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
 use crate::sensor::{PoseRecord, RejectedRow};
-use crate::stored::stored;
 use crate::trajectory::{Doubt, Solution};
 use crate::verdict::Verdict;
 
@@ -17,61 +18,66 @@ pub struct Results<'a> {
     /// Contradictions between the scans and their first placement.
     pub placement: &'a [Verdict],
     /// The calibration, with the values that it is compared with.
-    pub calibrations: Option<Calibrations<'a>>,
+    pub calibrations: Option<&'a Calibrations>,
 }
 
 /// A calibration, with the values that it is compared with. All lists hold the same scanners in the same order.
-#[derive(Debug, Clone, Copy)]
-pub struct Calibrations<'a> {
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Calibrations {
     /// The body_from_scanner of each scanner for which clouds were compared: initial, final, and
     /// the truth if it is known (simulation).
-    pub mountings: &'a [(MountingKind, Vec<BodyFromScanner>)],
+    pub mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
     /// The calibration that gives the result.
-    pub result: &'a Calibration,
+    pub result: Calibration,
     /// The joint adjustment of the run, accepted or refused; `None` if none was asked for.
-    pub joint: Option<&'a JointReport>,
+    pub joint: Option<JointReport>,
     /// Calibrations of the same drive under other conditions.
-    pub variants: &'a [(Variant, Calibration)],
+    pub variants: Vec<(Variant, Calibration)>,
     /// The project's origin, metres; it is subtracted from all coordinates in these results.
     pub origin_m: Vec3,
 }
 
-impl<'a> Calibrations<'a> {
+impl Calibrations {
     /// The mountings of this kind, if there are any.
-    pub fn mountings(&self, kind: MountingKind) -> Option<&'a [BodyFromScanner]> {
+    pub fn mountings(&self, kind: MountingKind) -> Option<&[BodyFromScanner]> {
         let mut all = self.mountings.iter();
         all.find(|(other, _)| *other == kind)
             .map(|(_, poses)| poses.as_slice())
     }
 
     /// The calibration under these conditions, if there is one.
-    pub fn variant(&self, variant: Variant) -> Option<&'a Calibration> {
+    pub fn variant(&self, variant: Variant) -> Option<&Calibration> {
         let mut all = self.variants.iter();
         all.find(|(other, _)| *other == variant)
             .map(|(_, calibration)| calibration)
     }
 
     /// The calibration in two steps, if there is one.
-    pub fn two_steps(&self) -> Option<&'a Calibration> {
+    pub fn two_steps(&self) -> Option<&Calibration> {
         let is_result = self.result.method == Method::TwoStep;
-        let two_steps = is_result.then_some(self.result);
+        let two_steps = is_result.then_some(&self.result);
         two_steps.or_else(|| self.variant(Variant::TwoStep))
     }
 
+    /// The joint adjustment whose values are the result.
+    pub fn accepted(&self) -> Option<&Joint> {
+        self.joint.as_ref()?.accepted()
+    }
+
     /// The result of the joint adjustment, whether its values are used or not.
-    pub fn joint_found(&self) -> Option<&'a Joint> {
-        self.joint?.result.as_ref()
+    pub fn joint_found(&self) -> Option<&Joint> {
+        self.joint.as_ref()?.result.as_ref()
     }
 
     /// The result of the joint adjustment if its values are not used.
-    pub fn refused(&self) -> Option<&'a Joint> {
-        let is_refused = self.joint?.accepted().is_none();
+    pub fn refused(&self) -> Option<&Joint> {
+        let is_refused = self.accepted().is_none();
         self.joint_found().filter(|_| is_refused)
     }
 }
 
 /// Results of one drive.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Drive {
     /// Name.
     pub name: String,
@@ -88,5 +94,3 @@ pub struct Drive {
     /// Constants of its project that it contradicts.
     pub doubts: Vec<Doubt>,
 }
-
-stored!(struct Drive { name, poses, solution, rejected_rows, agreements, preflight, doubts });

@@ -44,19 +44,19 @@ pub(super) fn follow(
     let mut grown = Instant::now();
     loop {
         let mut new = Vec::new();
-        if let Some(rows) = imu.next()? {
+        if let Some(rows) = imu.new_rows()? {
             let samples = feed.imu(&rows, own_clock).map_err(|e| imu.locate(e))?;
             new.extend(samples.into_iter().map(Record::Imu));
         }
         if let Some(table) = &mut heading
-            && let Some(rows) = table.next()?
+            && let Some(rows) = table.new_rows()?
         {
             let fixes = feed.heading(&rows, own_clock);
             let fixes = fixes.map_err(|e| table.locate(e))?;
             new.extend(fixes.into_iter().map(Record::Heading));
         }
         for (sensor, table) in positions.iter_mut().enumerate() {
-            let Some(rows) = table.next()? else {
+            let Some(rows) = table.new_rows()? else {
                 continue;
             };
             let read = feed.positions(sensor, &rows, own_clock);

@@ -210,7 +210,7 @@ fn a_frame_that_bends_is_modelled_and_reported() {
         (frame.shift_m_per_m_s2, frame.drift_deg, frame.drift_m) = (0.0, 0.0, 0.0);
     });
     let findings = field.run().unwrap();
-    let joint = findings.joint.as_ref().unwrap().accepted().unwrap();
+    let joint = findings.calibrations.accepted().unwrap();
     assert_eq!(joint.rung, Rung::Compliance);
     assert_eq!(joint.ladder[0].rung, Rung::Rigid);
     assert!(findings.verdicts.iter().any(|v| v.code == "mounting.moves"));

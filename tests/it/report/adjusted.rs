@@ -53,10 +53,10 @@ fn heading(records: usize) -> Vec<Residual> {
         .collect()
 }
 
-fn sensor(name: &str, unit: &'static str, count: usize) -> SensorDiagnostics {
+fn sensor(name: &str, unit: &str, count: usize) -> SensorDiagnostics {
     SensorDiagnostics {
         name: name.into(),
-        unit,
+        unit: unit.into(),
         count,
         rejected: 0,
         ignored: 0,
@@ -88,9 +88,9 @@ pub fn solution(records: usize, rate_hz: f64, headings: usize) -> Solution {
         normalised: Some(60.05),
     }));
     let rejected = rejections.len() - 1;
-    let constant = |name: &str, unit, start, value, sigma| EstimatedConstant {
+    let constant = |name: &str, unit: &str, start, value, sigma| EstimatedConstant {
         name: name.into(),
-        unit,
+        unit: unit.into(),
         start,
         value,
         sigma,

@@ -3,7 +3,7 @@
 use super::adjusted::solution;
 use super::checker::{check_self_contained, check_well_formed};
 use super::keep;
-use super::synthetic::{Full, ORIGIN_M, full, normal};
+use super::synthetic::{Full, full, normal};
 use boresight::calibration::{Calibration, Method, Variant};
 use boresight::comparison::MountingKind;
 use boresight::geometry::Vec3;
@@ -12,6 +12,7 @@ use boresight::joint::{
     ReferenceError, ReferenceSigma, Region, Rung,
 };
 use boresight::pipeline::{Findings, Rig, result};
+use boresight::report::content::Content;
 use boresight::report::render;
 use boresight::trajectory::{EstimatedConstant, StopReason, Trajectory};
 use nalgebra::DMatrix;
@@ -80,7 +81,7 @@ fn joint_result(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
         drives: vec![drive(full, east)],
         constants: vec![EstimatedConstant {
             name: "prism.time_offset".into(),
-            unit: "s",
+            unit: "s".into(),
             start: 0.0,
             value: -0.012_34,
             sigma: Some(0.000_21),
@@ -340,16 +341,26 @@ fn numbers_that_are_not_finite_never_reach_the_page() {
     check_self_contained(&page);
 }
 
+/// As a run keeps its stages and the content of its page.
+#[test]
+fn results_come_back_from_bytes_exactly() {
+    let mut full = accepted();
+    full.result.covariance = Some(DMatrix::from_element(12, 12, f64::NAN));
+    let content = full.content();
+    let bytes = postcard::to_allocvec(&content).unwrap();
+    let back: Content = postcard::from_bytes(&bytes).unwrap();
+    assert_eq!(postcard::to_allocvec(&back).unwrap(), bytes);
+    // `Debug` prints every field, and numbers exactly.
+    assert_eq!(format!("{back:?}"), format!("{content:?}"));
+    assert_eq!(render(&back), render(&content));
+}
+
 fn document(full: Full) -> Value {
     result::document(&Findings {
         rig: Rig::default(),
-        calibration: full.result,
-        joint: full.joint,
-        variants: full.variants,
-        mountings: full.mountings,
+        calibrations: full.calibrations(),
         drives: full.drives,
         scenes: Vec::new(),
-        origin_m: ORIGIN_M,
         background_m: full.background_m,
         made_s: 0.0,
         files: Vec::new(),

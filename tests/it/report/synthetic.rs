@@ -1,7 +1,11 @@
 //! Results like those of a run on simulated drives.
 
+use std::borrow::Cow;
+
 use boresight::calibration::Block;
-use boresight::calibration::{Calibration, Constancy, Ending, Method, Mounting, Scale, Variant};
+use boresight::calibration::{
+    Calibration, Constancy, Correlation, Ending, Method, Mounting, Scale, Variant,
+};
 use boresight::calibration::{Observability, UnobservableDirection};
 use boresight::comparison::{
     Against, Agreement, Agreements, CoreDistance, DistanceMap, M3c2, MountingKind, Statistics,
@@ -50,6 +54,16 @@ pub struct Full {
 pub const ORIGIN_M: Vec3 = Vec3::new(1_000.0, 2_000.0, 0.0);
 
 impl Full {
+    pub fn calibrations(&self) -> Calibrations {
+        Calibrations {
+            mountings: self.mountings.clone(),
+            result: self.result.clone(),
+            joint: self.joint.clone(),
+            variants: self.variants.clone(),
+            origin_m: ORIGIN_M,
+        }
+    }
+
     pub fn content(&self) -> Content<'_> {
         let mut content = Content {
             title: self.title.clone(),
@@ -57,24 +71,18 @@ impl Full {
             project: self.command.clone(),
             seed: Some(1),
             inputs: self.inputs.clone(),
-            calibrations: Some(Calibrations {
-                mountings: &self.mountings,
-                result: &self.result,
-                joint: self.joint.as_ref(),
-                variants: &self.variants,
-                origin_m: ORIGIN_M,
-            }),
-            drives: &self.drives,
-            background_m: &self.background_m,
-            stages: &self.stages,
+            calibrations: Some(Cow::Owned(self.calibrations())),
+            drives: Cow::Borrowed(&self.drives),
+            background_m: Cow::Borrowed(&self.background_m),
+            stages: Cow::Borrowed(&self.stages),
             peak_memory_bytes: Some(1_234_567_890),
-            warnings: &self.warnings,
+            warnings: Cow::Borrowed(&self.warnings),
             ..Content::default()
         };
         let results = Results {
-            drives: content.drives,
+            drives: &content.drives,
             placement: &[],
-            calibrations: content.calibrations,
+            calibrations: content.calibrations.as_deref(),
         };
         content.verdicts = judge(&results, &Acceptance::default());
         content
@@ -214,7 +222,10 @@ fn constancy() -> Constancy {
         rms_m: 1.5e-3,
         constant: false,
         jump: None,
-        strongest: Some(("roll", 0.71)),
+        strongest: Some(Correlation {
+            with: "roll".into(),
+            coefficient: 0.71,
+        }),
     }
 }
 

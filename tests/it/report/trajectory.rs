@@ -54,7 +54,7 @@ fn page(solution: Solution, poses: Vec<PoseRecord>) -> String {
     };
     render(&Content {
         title: "Trajectory of drive-1".into(),
-        drives: &[drive],
+        drives: vec![drive].into(),
         ..Content::default()
     })
 }

@@ -1,5 +1,7 @@
 //! How well the clouds of one drive agree with the reference and with each other.
 
+use serde::{Deserialize, Serialize};
+
 use super::map::DistanceMap;
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
@@ -9,10 +11,9 @@ use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-use crate::stored::stored;
 
 /// The mounting with which the clouds of a comparison were georeferenced.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum MountingKind {
     /// The initial values of the project.
     Initial,
@@ -37,7 +38,7 @@ impl MountingKind {
 }
 
 /// The cloud to compare with.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Against {
     /// The reference cloud.
     Reference,
@@ -46,7 +47,7 @@ pub enum Against {
 }
 
 /// One comparison of two clouds.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Agreement {
     /// Name of the scanner compared.
     pub scanner: String,
@@ -80,7 +81,7 @@ impl Agreement {
 }
 
 /// All comparisons of one drive.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Agreements {
     /// The comparisons that have distances: every scanner with the reference, then every pair of
     /// scanners. Those of one pair are consecutive, in the order of [`MountingKind`].
@@ -247,23 +248,6 @@ impl Comparisons<'_> {
         Ok(())
     }
 }
-
-stored!(struct Agreements { comparisons, missing });
-stored!(struct Agreement { scanner, against, mounting, statistics, coverage, distances });
-stored!(
-    enum Against {
-        Reference,
-        Scanner(name),
-    }
-);
-stored!(
-    enum MountingKind {
-        Initial,
-        TwoStep,
-        Final,
-        Truth,
-    }
-);
 
 #[cfg(test)]
 mod tests {

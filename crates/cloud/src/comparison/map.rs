@@ -1,18 +1,18 @@
 //! Distances at their positions and their histogram, for the figures of a comparison.
 
+use serde::{Deserialize, Serialize};
+
 use super::result::M3c2;
 use crate::geometry::Vec3;
-use crate::stored::stored;
 
 /// The core points that have a distance, in single precision and relative to the first of them: accurate to a
 /// micrometre within ten metres, in a fifth of the memory of the comparison.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct DistanceMap {
     first_m: [f64; 3],
     /// Positions relative to the first, distances, and their levels of detection, metres.
     points: Vec<[f32; 5]>,
 }
-stored!(struct DistanceMap { first_m, points });
 
 impl DistanceMap {
     /// The map of a comparison, in the order of its core points.

@@ -1,12 +1,13 @@
 //! Statistics of a comparison.
 
+use serde::{Deserialize, Serialize};
+
 use super::result::M3c2;
 use crate::error::{Error, Problem, Result};
 use crate::statistics::{SIGMAS_PER_MAD, mean, quantile, rms};
-use crate::stored::stored;
 
 /// Statistics of the finite distances of a comparison, metres.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Number of core points with a distance.
     pub n: usize,
@@ -84,7 +85,3 @@ fn no_overlap(comparison: &M3c2) -> Error {
          cylinder_radius_m or normal_radii_m",
     )
 }
-
-stored!(struct Statistics {
-    n, core_points, mean_m, std_m, rmse_m, median_m, nmad_m, significant_share,
-});

@@ -1,11 +1,12 @@
 //! Euler angles of a mounting in the two supported conventions.
 
+use serde::{Deserialize, Serialize};
+
 use super::attitude::roll_pitch_yaw;
 use super::{Rotation, Vec3};
-use crate::stored::stored;
 
 /// How three angles (α, β, γ) form R_bs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EulerConvention {
     /// R_bs = Rz(γ) Ry(β) Rx(α).
@@ -65,13 +66,6 @@ pub fn euler_jacobian(convention: EulerConvention, rotation: &Rotation) -> super
     }
     jacobian
 }
-
-stored!(
-    enum EulerConvention {
-        Zyx,
-        Bonn,
-    }
-);
 
 #[cfg(test)]
 mod tests {

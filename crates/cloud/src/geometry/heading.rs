@@ -1,9 +1,11 @@
 //! Body axes and headings.
 
+use serde::{Deserialize, Serialize};
+
 use super::{Rotation, Vec3};
 
 /// The axis convention of the IMU and thereby of the body frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum BodyAxes {
     /// x forward, y right, z down (SBG, the paper).
     #[default]
@@ -13,13 +15,6 @@ pub enum BodyAxes {
     #[serde(rename = "FLU")]
     Flu,
 }
-
-crate::stored::stored!(
-    enum BodyAxes {
-        Frd,
-        Flu,
-    }
-);
 
 impl BodyAxes {
     /// The body's upward direction in body axes.

@@ -4,9 +4,12 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Mul;
 
+use nalgebra::Quaternion;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use super::so3::{exp, log};
 use super::{Rotation, Vec3};
-use crate::stored::Stored;
 
 /// The world frame: right-handed, z up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,43 +177,38 @@ impl<To, From> fmt::Debug for Transform<To, From> {
     }
 }
 
-impl<To, From> Stored for Transform<To, From> {
-    fn store(&self, bytes: &mut Vec<u8>) {
-        self.rotation.store(bytes);
-        self.translation_m.store(bytes);
-    }
-
-    fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        Some(Self::new(Stored::restore(bytes)?, Stored::restore(bytes)?))
-    }
+/// What a transform is serialised as.
+#[derive(Serialize, Deserialize)]
+struct Written {
+    translation_m: [f64; 3],
+    quaternion_xyzw: [f64; 4],
 }
 
 /// Serialises as `translation_m` and `quaternion_xyzw`.
-impl<To, From> serde::Serialize for Transform<To, From> {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        use serde::ser::SerializeStruct;
-        let mut fields = serializer.serialize_struct("Transform", 2)?;
-        fields.serialize_field("translation_m", self.translation_m.as_slice())?;
-        fields.serialize_field("quaternion_xyzw", self.rotation.coords.as_slice())?;
-        fields.end()
+impl<To, From> Serialize for Transform<To, From> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Written {
+            translation_m: self.translation_m.into(),
+            quaternion_xyzw: self.rotation.coords.into(),
+        }
+        .serialize(serializer)
     }
 }
 
-/// Reads the output of [`serde::Serialize`] and normalises the quaternion.
-impl<'de, To, From> serde::Deserialize<'de> for Transform<To, From> {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(serde::Deserialize)]
-        struct Written {
-            translation_m: [f64; 3],
-            quaternion_xyzw: [f64; 4],
-        }
+/// Reads the output of [`Serialize`]. A quaternion in a text is normalised, because a user may have written it; in a
+/// binary format it stays as it is, bit by bit.
+impl<'de, To, From> Deserialize<'de> for Transform<To, From> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let is_text = deserializer.is_human_readable();
         let written = Written::deserialize(deserializer)?;
-        let [x, y, z, w] = written.quaternion_xyzw;
-        let quaternion = nalgebra::Quaternion::new(w, x, y, z);
-        let rotation = Rotation::try_new(quaternion, f64::MIN_POSITIVE);
-        let rotation = rotation.ok_or_else(|| {
-            serde::de::Error::custom("quaternion_xyzw = [0, 0, 0, 0], which is not a rotation")
-        })?;
+        let quaternion = Quaternion::from(written.quaternion_xyzw);
+        let rotation = if is_text {
+            Rotation::try_new(quaternion, f64::MIN_POSITIVE).ok_or_else(|| {
+                D::Error::custom("quaternion_xyzw = [0, 0, 0, 0], which is not a rotation")
+            })?
+        } else {
+            Rotation::new_unchecked(quaternion)
+        };
         Ok(Self::new(rotation, written.translation_m.into()))
     }
 }

@@ -1,29 +1,17 @@
 //! Time series with a constant step.
 
-use crate::stored::Stored;
+use serde::{Deserialize, Serialize};
 
 /// Values known every `step` seconds, linear between them and constant outside.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[f64; N]: Serialize",
+    deserialize = "[f64; N]: Deserialize<'de>"
+))]
 pub struct Series<const N: usize> {
     start_s: f64,
     step_s: f64,
     values: Vec<[f64; N]>,
-}
-
-impl<const N: usize> Stored for Series<N> {
-    fn store(&self, bytes: &mut Vec<u8>) {
-        self.start_s.store(bytes);
-        self.step_s.store(bytes);
-        self.values.store(bytes);
-    }
-
-    fn restore(bytes: &mut &[u8]) -> Option<Self> {
-        Some(Self {
-            start_s: Stored::restore(bytes)?,
-            step_s: Stored::restore(bytes)?,
-            values: Stored::restore(bytes)?,
-        })
-    }
 }
 
 impl<const N: usize> Series<N> {

@@ -1,9 +1,10 @@
 //! Levenberg-Marquardt: every step is accepted or refused on the true cost.
 
+use serde::{Deserialize, Serialize};
+
 use super::damping::{Damping, DampingRule, Verdict};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::stored::stored;
 use std::fmt;
 
 /// Length of a step below which the adjustment has converged, posterior standard deviations: the step
@@ -12,7 +13,7 @@ use std::fmt;
 pub const CONVERGED_SIGMAS: f64 = 0.05;
 
 /// Why the adjustment stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StopReason {
     /// The last step was below 5 % of a posterior standard deviation.
@@ -102,11 +103,3 @@ pub fn levenberg_marquardt<P: LeastSquares>(
         cost,
     })
 }
-
-stored!(
-    enum StopReason {
-        Converged,
-        IterationLimit,
-        NoBetterStep,
-    }
-);

@@ -7,12 +7,11 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::statistics::rms;
-use crate::stored::stored;
 use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
@@ -34,7 +33,7 @@ const MIN_BLOCKS: usize = 10;
 const MAX_RATIO: f64 = 2.0;
 
 /// One block of one scanner.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Block {
     /// Time at its middle, seconds.
     pub time_s: f64,
@@ -45,29 +44,33 @@ pub struct Block {
 }
 
 /// Result of the test of a constant mounting.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Constancy {
     /// Blocks of each scanner in time order.
-    #[serde(skip)]
     pub blocks: Vec<Vec<Block>>,
     /// Root mean square of mean / expected standard deviation over all blocks.
-    #[serde(rename = "ratio_to_expected")]
     pub ratio: f64,
     /// Root mean square of the block means, metres.
-    #[serde(rename = "block_rms_m")]
     pub rms_m: f64,
     /// Whether the mounting appears constant.
     pub constant: bool,
-    /// The component of the motion with the strongest correlation with the residuals, and the
-    /// correlation coefficient.
-    #[serde(rename = "strongest_correlation", serialize_with = "named")]
-    pub strongest: Option<(&'static str, f64)>,
+    /// The strongest correlation of the residuals with a component of the motion.
+    pub strongest: Option<Correlation>,
     /// The jump that explains most of the residuals of a scanner.
     pub jump: Option<Jump>,
 }
 
+/// A correlation of the residuals of a scanner.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Correlation {
+    /// The component of the motion.
+    pub with: String,
+    /// The correlation coefficient.
+    pub coefficient: f64,
+}
+
 /// A change of the residuals from one value to another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Jump {
     /// Index of the scanner.
     pub scanner: usize,
@@ -109,20 +112,6 @@ impl Jump {
         }
         best
     }
-}
-
-fn named<S: serde::Serializer>(
-    strongest: &Option<(&'static str, f64)>,
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Correlation {
-        with: &'static str,
-        coefficient: f64,
-    }
-    strongest
-        .map(|(with, coefficient)| Correlation { with, coefficient })
-        .serialize(serializer)
 }
 
 /// The distance of one scanner point to the reference.
@@ -233,11 +222,8 @@ pub fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
 }
 
 /// The component of the motion with the strongest correlation with the block means of any scanner.
-fn strongest_correlation(
-    blocks: &[Vec<Block>],
-    trajectory: &Trajectory,
-) -> Option<(&'static str, f64)> {
-    let mut best: Option<(&'static str, f64)> = None;
+fn strongest_correlation(blocks: &[Vec<Block>], trajectory: &Trajectory) -> Option<Correlation> {
+    let mut best: Option<Correlation> = None;
     for scanner in blocks.iter().filter(|scanner| scanner.len() >= MIN_BLOCKS) {
         let residuals: Vec<f64> = scanner.iter().map(|block| block.mean_m).collect();
         let mut motion: [(&'static str, Vec<f64>); 4] =
@@ -249,9 +235,11 @@ fn strongest_correlation(
             }
         }
         for (name, values) in &motion {
-            let r = correlation(&residuals, values);
-            if best.is_none_or(|(_, strongest)| r.abs() > strongest.abs()) {
-                best = Some((name, r));
+            let coefficient = correlation(&residuals, values);
+            let is_stronger = |best: &Correlation| coefficient.abs() > best.coefficient.abs();
+            if best.as_ref().is_none_or(is_stronger) {
+                let with = (*name).to_owned();
+                best = Some(Correlation { with, coefficient });
             }
         }
     }
@@ -290,10 +278,6 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
         0.0
     }
 }
-
-stored!(struct Constancy { blocks, ratio, rms_m, constant, strongest, jump });
-stored!(struct Block { time_s, mean_m, expected_sigma_m });
-stored!(struct Jump { scanner, time_s, step_m, correlation });
 
 #[cfg(test)]
 mod tests {

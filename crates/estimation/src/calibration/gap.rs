@@ -7,13 +7,12 @@
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::constancy::upward_normal;
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
 use crate::statistics::{median, rms};
-use crate::stored::stored;
 use crate::surface::Surface;
 
 /// Length of a block, seconds.
@@ -37,7 +36,7 @@ const MOST_SIGMAS: f64 = 6.0;
 const MAX_RATIO: f64 = 2.0;
 
 /// How the distance between two scanners changes along the drive.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {
     /// Indices of the two scanners.
     pub scanners: [usize; 2],
@@ -157,5 +156,3 @@ fn distances(surface: &Surface, index: usize) -> Vec<Distance> {
     };
     nearby.into_iter().map(distance).collect()
 }
-
-stored!(struct Gap { scanners, rms_m, ratio, constant });

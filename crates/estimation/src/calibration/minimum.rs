@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
 
 use super::adjust::minimise;
 use super::input::Input;
@@ -15,7 +16,6 @@ use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
 use crate::statistics::{drawn_sign, median};
-use crate::stored::stored;
 
 /// Most neighbourhoods; few are enough to locate minima.
 const MAX_CENTRES: usize = 20_000;
@@ -33,7 +33,7 @@ const AS_LOW: f64 = 0.02;
 const AS_SMALL: f64 = 1.02;
 
 /// Result of moving the mountings away from the minimum.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Minimum {
     /// Shift of each mounting along each axis, metres.
     pub shift_m: f64,
@@ -44,7 +44,6 @@ pub struct Minimum {
     /// Number of times that they came back.
     pub back: u64,
     /// Other mountings at which the coarsest scale fits as well, if there are any.
-    #[serde(skip)]
     pub alternative: Option<Vec<Mounting>>,
 }
 
@@ -133,5 +132,3 @@ fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
     };
     state.cost < nearest.cost + AS_LOW * planes && space(state) < AS_SMALL * space(nearest)
 }
-
-stored!(struct Minimum { shift_m, turn_rad, starts, back, alternative });

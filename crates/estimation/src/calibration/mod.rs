@@ -30,7 +30,7 @@ mod variant;
 use std::sync::Arc;
 use std::time::Instant;
 
-pub use constancy::{Block, Constancy};
+pub use constancy::{Block, Constancy, Correlation};
 pub use gap::Gap;
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
 pub use minimum::Minimum;

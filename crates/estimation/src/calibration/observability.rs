@@ -8,11 +8,11 @@
 //! by the direction, stays constant. Rotations are converted to metres by [`LEVER_M`].
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use serde::{Deserialize, Serialize};
 
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
 use crate::geometry::EulerConvention;
-use crate::stored::stored;
 
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
 /// close-range scanner.
@@ -25,30 +25,24 @@ pub const LEVER_M: f64 = 1.5;
 pub const MIN_SHARE: f64 = 2e-4;
 
 /// A direction that the data do not determine.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnobservableDirection {
     /// (δp, δφ) of every scanner: metres and radians, in body axes.
-    #[serde(skip)]
     pub direction: DVector<f64>,
     /// Remaining share of the information.
-    #[serde(rename = "eigenvalue_share")]
     pub share: f64,
     /// Description of the direction.
-    #[serde(rename = "what")]
     pub description: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
-    #[serde(skip)]
     pub parameters: Vec<(usize, usize)>,
 }
 
 /// Eigenvalues of the scaled normal matrix and the unobservable directions.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observability {
     /// Remaining shares of the information, ascending.
-    #[serde(rename = "eigenvalue_shares")]
     pub shares: Vec<f64>,
     /// Unobservable directions; empty if everything is determined.
-    #[serde(rename = "undetermined")]
     pub unobservable: Vec<UnobservableDirection>,
 }
 
@@ -282,9 +276,6 @@ fn describe(
         several => format!("a combination of {}", several.join(", ")),
     }
 }
-
-stored!(struct Observability { shares, unobservable });
-stored!(struct UnobservableDirection { direction, share, description, parameters });
 
 #[cfg(test)]
 mod tests {

@@ -1,16 +1,16 @@
 //! The unknowns: six parameters per scanner, free or fixed.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
 use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3};
-use crate::stored::stored;
 
 /// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
 pub const PARAMETER_NAMES: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
 
 /// The mounting of one scanner and its fixed parameters.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mounting {
     /// Name of the scanner.
     pub name: String,
@@ -148,8 +148,6 @@ pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
 pub fn poses(mountings: &[Mounting]) -> Vec<BodyFromScanner> {
     mountings.iter().map(|m| m.body_from_scanner).collect()
 }
-
-stored!(struct Mounting { name, body_from_scanner, convention, fixed });
 
 #[cfg(test)]
 mod tests {

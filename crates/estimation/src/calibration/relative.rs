@@ -1,8 +1,6 @@
 //! The mountings of the other scanners in the frame of the first. Errors that all mountings share, such as
 //! those of poses, heading and lever arm, cancel in them.
 
-use std::collections::BTreeMap;
-
 use nalgebra::{DVector, Matrix6, SMatrix};
 use serde::{Serialize, Serializer};
 
@@ -125,13 +123,6 @@ fn moved(direction: &DVector<f64>, scanner: usize, by: &[Matrix6<f64>; 2]) -> [b
     };
     let change = by[0] * part(0) + by[1] * part(scanner);
     std::array::from_fn(|i| metres(i, change[i]) > MOVED_SHARE * largest)
-}
-
-/// The relative mountings by the names of their scanners, for serialisation.
-pub(super) fn by_name(calibration: &Calibration) -> BTreeMap<String, RelativeMounting> {
-    let all = calibration.relative().into_iter();
-    all.map(|relative| (relative.name.clone(), relative))
-        .collect()
 }
 
 impl Serialize for RelativeMounting {

@@ -1,6 +1,7 @@
 //! Result of the calibration.
 
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 use super::constancy::Constancy;
 use super::gap::Gap;
@@ -10,10 +11,9 @@ use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, poses};
 use super::scale::Ending;
 use super::settings::Method;
 use crate::geometry::{BodyFromScanner, EulerConvention};
-use crate::stored::stored;
 
 /// The calibrated mountings and their quality.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Calibration {
     /// Estimation method.
     pub method: Method,
@@ -40,7 +40,7 @@ pub struct Calibration {
 }
 
 /// Course of the adjustment of one scale.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Scale {
     /// Edge of the voxels, metres.
     pub voxel_m: f64,
@@ -156,12 +156,3 @@ impl Calibration {
         poses(&self.mountings)
     }
 }
-
-stored!(struct Calibration {
-    method, mountings, converged, scales, covariance, origin_sigma_m, observability, minimum, constancy,
-    gap,
-});
-stored!(struct Scale {
-    voxel_m, iterations, points, reference_points, neighbourhoods, costs, cost, ending, seconds,
-    mountings,
-});

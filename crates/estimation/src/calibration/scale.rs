@@ -3,10 +3,11 @@
 use std::fmt;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::cost::{NormalEquations, cost, normal_equations};
 use super::observability::Observability;
 use super::parameters::{Mounting, poses};
-use crate::stored::stored;
 use crate::surface::{Surface, SurfaceCloud};
 
 /// The adjustment problem of one scale.
@@ -83,17 +84,22 @@ pub struct Solved {
 }
 
 /// How a scale ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Ending {
     /// The last step was below the threshold.
+    #[serde(rename = "converged")]
     Converged,
     /// No damped step lowers the cost further.
+    #[serde(rename = "converged at the minimum of the cost")]
     CostFloor,
     /// New neighbourhoods no longer lower the cost; the best mountings so far are the result.
+    #[serde(rename = "converged: new neighbourhoods no longer lower the cost")]
     Alternating,
     /// The data determine no direction of a step.
+    #[serde(rename = "not determined by the data")]
     NotDetermined,
     /// The maximum number of iterations was reached.
+    #[serde(rename = "stopped at the maximum number of iterations")]
     IterationsExhausted,
 }
 
@@ -106,29 +112,6 @@ impl Ending {
 
 impl fmt::Display for Ending {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Converged => "converged",
-            Self::CostFloor => "converged at the minimum of the cost",
-            Self::Alternating => "converged: new neighbourhoods no longer lower the cost",
-            Self::NotDetermined => "not determined by the data",
-            Self::IterationsExhausted => "stopped at the maximum number of iterations",
-        })
+        self.serialize(f)
     }
 }
-
-/// Serialises as text.
-impl serde::Serialize for Ending {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-stored!(
-    enum Ending {
-        Converged,
-        CostFloor,
-        Alternating,
-        NotDetermined,
-        IterationsExhausted,
-    }
-);

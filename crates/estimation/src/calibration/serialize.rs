@@ -1,18 +1,10 @@
-//! Serialisation of the results.
+//! The mountings as `result.json` shows them.
 
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
-use super::constancy::Constancy;
-use super::gap::Gap;
-use super::minimum::Minimum;
-use super::observability::Observability;
-use super::parameters::PARAMETER_NAMES;
-use super::relative::{self, RelativeMounting};
-use super::result::{Calibration, Scale};
-use super::settings::Method;
+use super::result::Calibration;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyFromScanner, EulerConvention};
 
@@ -94,60 +86,5 @@ impl Calibration {
         mountings
             .map(|(index, mounting)| (mounting.name.as_str(), scanner(index)))
             .collect()
-    }
-}
-
-/// Serialises as the keys `calibration` and `scanners` of `result.json`.
-impl Serialize for Calibration {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Parameter {
-            name: String,
-            unit: &'static str,
-        }
-        #[derive(Serialize)]
-        struct Written<'a> {
-            method: Method,
-            converged: bool,
-            scanners: BTreeMap<&'a str, ScannerResult>,
-            scales: &'a [Scale],
-            #[serde(flatten)]
-            observability: &'a Observability,
-            origin_sigma_m: f64,
-            minimum: &'a Option<Minimum>,
-            mounting_constant: &'a Option<Constancy>,
-            gap: &'a Option<Gap>,
-            parameters: Vec<Parameter>,
-            covariance: Option<Vec<Vec<f64>>>,
-            /// Null if either parameter is fixed or unobservable.
-            correlation: Option<Vec<Vec<f64>>>,
-            relative: BTreeMap<String, RelativeMounting>,
-        }
-        let parameters = self.mountings.iter().flat_map(|mounting| {
-            (0..6).map(|index| Parameter {
-                name: format!("{}.{}", mounting.name, PARAMETER_NAMES[index]),
-                unit: if index < 3 { "m" } else { "rad" },
-            })
-        });
-        let rows = |matrix: &DMatrix<f64>| {
-            let rows = matrix.row_iter();
-            rows.map(|row| row.iter().copied().collect()).collect()
-        };
-        Written {
-            method: self.method,
-            converged: self.converged,
-            scanners: self.scanners(),
-            scales: &self.scales,
-            observability: &self.observability,
-            origin_sigma_m: self.origin_sigma_m,
-            minimum: &self.minimum,
-            mounting_constant: &self.constancy,
-            gap: &self.gap,
-            parameters: parameters.collect(),
-            covariance: self.covariance.as_ref().map(rows),
-            correlation: self.correlation().as_ref().map(rows),
-            relative: relative::by_name(self),
-        }
-        .serialize(serializer)
     }
 }

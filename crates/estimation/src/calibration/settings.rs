@@ -1,10 +1,11 @@
 //! Settings of the calibration.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
-use crate::stored::stored;
 
 /// Estimation method for mountings on a given trajectory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Reweighted least squares with analytic derivatives, one point per voxel, scanner and pass. It is
@@ -75,11 +76,3 @@ impl CalibrationSettings {
         Ok((coarser, finest))
     }
 }
-
-stored!(
-    enum Method {
-        TwoStep,
-        Joint,
-        Paper,
-    }
-);

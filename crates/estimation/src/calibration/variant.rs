@@ -1,9 +1,9 @@
 //! Calibrations of the same drive under other conditions, for comparison with the result.
 
-use crate::stored::stored;
+use serde::{Deserialize, Serialize};
 
 /// Difference from the calibration that gives the result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Variant {
     /// The mountings after the trajectory, in two steps: the start of the joint adjustment.
     TwoStep,
@@ -14,12 +14,3 @@ pub enum Variant {
     /// The paper's own method.
     Paper,
 }
-
-stored!(
-    enum Variant {
-        TwoStep,
-        WithoutReference,
-        ExactPoses,
-        Paper,
-    }
-);

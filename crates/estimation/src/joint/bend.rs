@@ -22,7 +22,6 @@ use crate::calibration::Mounting;
 use crate::geometry::Vec3;
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
 use crate::statistics::{self, Series};
-use crate::stored::stored;
 use crate::trajectory::Trajectory;
 
 /// Components of a load, in units of gravity: the direction up along the body's x and y axes, and its
@@ -52,7 +51,7 @@ const STEP_S: f64 = 0.1;
 const SMOOTH_S: f64 = 0.2;
 
 /// Compliance of a mounting: how it follows the load on the frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Compliance {
     /// (δφ, δp) in body axes by each load, one after the other: radians and metres per g.
     pub by_load: [f64; COMPLIANCE],
@@ -399,13 +398,3 @@ fn bending(compliance: &[f64], causes: &[f64]) -> [f64; 6] {
     let by_each = || compliance.chunks_exact(6).zip(causes);
     std::array::from_fn(|i| by_each().map(|(by, cause)| by[i] * cause).sum())
 }
-
-stored!(
-    enum Rung {
-        Rigid,
-        Compliance,
-        SlowKnots,
-        DenseKnots,
-    }
-);
-stored!(struct Compliance { by_load, sigma, mean_load });

@@ -78,7 +78,7 @@ pub fn conclude(
         let sigma = sigma(layout.first_constant + place);
         EstimatedConstant {
             name: constant.name.clone(),
-            unit: constant.unit,
+            unit: constant.unit.into(),
             start: constant.base,
             value: constant.base + constant.correction,
             sigma,

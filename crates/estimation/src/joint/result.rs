@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::bend::{Compliance, Rung};
 use super::components::Component;
@@ -15,12 +16,11 @@ use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::statistics::rms;
-use crate::stored::stored;
 use crate::trajectory::{Doubt, EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
 
 /// Mountings and trajectories adjusted together.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Joint {
     /// The mountings, one per scanner.
     pub mountings: Vec<Mounting>,
@@ -71,7 +71,7 @@ pub struct Joint {
 }
 
 /// A patch of the surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfelPlane {
     /// World, metres.
     pub centre_m: Vec3,
@@ -84,7 +84,7 @@ pub struct SurfelPlane {
 }
 
 /// The trajectory of a drive after the adjustment.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AdjustedDrive {
     /// Name of the drive.
     pub name: String,
@@ -110,7 +110,7 @@ pub struct AdjustedDrive {
 }
 
 /// Uncertainty of a point on the ground.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct KnownPoint {
     /// Time of its profile, seconds.
     pub time_s: f64,
@@ -128,7 +128,7 @@ pub fn known_m(points: &[KnownPoint]) -> Option<Vec3> {
 }
 
 /// Motion of a mounting along a drive.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MovedMounting {
     /// Offsets from its mean.
     pub offsets: Bending,
@@ -137,7 +137,7 @@ pub struct MovedMounting {
 }
 
 /// A sudden move of a mounting, for example because somebody leaned on it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Jump {
     /// Index of the scanner.
     pub scanner: usize,
@@ -150,7 +150,7 @@ pub struct Jump {
 }
 
 /// A rung that was contradicted.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Climb {
     /// The rung.
     pub rung: Rung,
@@ -159,7 +159,7 @@ pub struct Climb {
 }
 
 /// Displacement of the reference as a whole against the world of the poses.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceError {
     /// Prior standard deviations.
     pub prior: ReferenceSigma,
@@ -216,7 +216,7 @@ impl ReferenceError {
 }
 
 /// Change of a pose by the adjustment.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseMove {
     /// Seconds.
     pub time_s: f64,
@@ -227,7 +227,7 @@ pub struct PoseMove {
 }
 
 /// Outcome of the joint adjustment of a run.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct JointReport {
     /// The result; `None` if the adjustment failed.
     pub result: Option<Joint>,
@@ -244,7 +244,7 @@ pub struct JointReport {
 }
 
 /// Contradictions in the logs of a drive.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ContradictedLogs {
     /// Name of the drive.
     pub drive: String,
@@ -255,7 +255,7 @@ pub struct ContradictedLogs {
 }
 
 /// A scanner whose profiles are later than the project says.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LateScanner {
     /// Its name.
     pub name: String,
@@ -289,7 +289,7 @@ impl JointReport {
 }
 
 /// The residuals of a group of observations.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GroupTest {
     /// `imu`, the name of a position sensor or scanner, …
     pub name: String,
@@ -368,23 +368,3 @@ impl Joint {
         self.groups.iter().find(|group| group.name == name)
     }
 }
-
-stored!(struct JointReport { result, refused, fits_alone, contradicted, late, seconds });
-stored!(struct ContradictedLogs { drive, preflight, doubts });
-stored!(struct Joint {
-    mountings, covariance, late_s, late_scores, height_score, rung, ladder, prior_shares, compliance,
-    drives, constants, reference, surface_m, regions, held, groups, stop, iterations, rows, surfels,
-    planes, unknowns,
-});
-stored!(struct LateScanner { name, late, time_offset_s });
-stored!(struct Climb { rung, reasons });
-stored!(struct AdjustedDrive {
-    name, trajectory, bending, motion_left, jumps, points, imu, positions, residuals, moved,
-});
-stored!(struct ReferenceError { prior, shift_m, shift_sigma_m, turn_rad, turn_sigma_rad });
-stored!(struct GroupTest { name, rows, chi_square, redundancy, ratio });
-stored!(struct MovedMounting { offsets, sigmas });
-stored!(struct KnownPoint { time_s, in_scanner_m, sigma_m });
-stored!(struct SurfelPlane { centre_m, normal, size_m, roughness_m });
-stored!(struct Jump { scanner, between_s, step, sigma });
-stored!(struct PoseMove { time_s, shift_m, turn_rad });

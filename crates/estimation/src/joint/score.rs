@@ -1,13 +1,14 @@
 //! Estimates of values that the adjustment holds.
 
+use serde::{Deserialize, Serialize};
+
 use super::layout::UP;
 use super::problem::JointProblem;
 use super::row::{Row, RowBatch};
 use super::state::State;
-use crate::stored::stored;
 
 /// The value that would fit best, and its standard deviation.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Seconds or metres, to first order.
     pub value: f64,
@@ -125,5 +126,3 @@ fn derivative(row: &Row<'_>, places: &[usize], held: usize) -> f64 {
         _ => 0.0,
     }
 }
-
-stored!(struct Score { value, sigma });

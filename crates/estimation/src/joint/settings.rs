@@ -1,8 +1,9 @@
 //! Settings of the joint adjustment, in SI units.
 
+use serde::{Deserialize, Serialize};
+
 use super::bend::Rung;
 use crate::calibration::POSE_CORRELATION_S;
-use crate::stored::stored;
 
 /// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
 const SURFEL_VOXELS: f64 = 10.0;
@@ -24,7 +25,7 @@ pub struct JointSettings {
 
 /// Standard deviations of errors that all points of the reference share: they do not average out over
 /// the points, and most of them do not show in residuals.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceSigma {
     /// Shift of the reference against the world of the poses, along each axis, metres.
     pub shift_m: f64,
@@ -86,5 +87,3 @@ impl Default for ReferenceSigma {
         }
     }
 }
-
-stored!(struct ReferenceSigma { shift_m, tilt_rad, assumed, surface_m });

@@ -155,7 +155,7 @@ impl Adjusted {
                 let start = if column.unit == "s" { 0.0 } else { column.base };
                 EstimatedConstant {
                     name: column.name.clone(),
-                    unit: column.unit,
+                    unit: column.unit.into(),
                     start,
                     value: if determined {
                         column.base + corrections[i]
@@ -168,7 +168,7 @@ impl Adjusted {
             .collect();
         constants.extend(unobservable.iter().map(|stream| EstimatedConstant {
             name: format!("{}.time_offset", Names(settings).sensor(*stream)),
-            unit: "s",
+            unit: "s".into(),
             start: 0.0,
             value: 0.0,
             sigma: None,
@@ -181,7 +181,7 @@ impl Adjusted {
             let determined = relative < DETERMINED_SHARE;
             constants.push(EstimatedConstant {
                 name: "imu.noise_scale".into(),
-                unit: "",
+                unit: String::new(),
                 start: 1.0,
                 value: if determined {
                     self.graph.imu_scale
@@ -232,7 +232,7 @@ impl Adjusted {
             }
         }
         for sensor in &solution.sensors {
-            if matches!(sensor.unit, "m" | "rad")
+            if matches!(sensor.unit.as_str(), "m" | "rad")
                 && let Some(factor) = sensor.variance_component.map(f64::sqrt)
                 && sensor.chi_square > sensor.chi_square_bounds_95[1]
                 && factor > NOTABLE_FACTOR

@@ -1,5 +1,7 @@
 //! Constants that the project takes as known, tested against the drive.
 
+use serde::{Deserialize, Serialize};
+
 use super::estimate::estimate;
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::{EstimatedConstant, Solution};
@@ -7,7 +9,6 @@ use super::streams::MotionLogs;
 use crate::error::{Error, Result};
 use crate::geometry::heading::wrap;
 use crate::progress::{Progress, Silent, Steps};
-use crate::stored::stored;
 
 /// A constant is doubted where the drive finds it off by more standard deviations than this.
 const MAX_SIGMAS: f64 = 5.0;
@@ -37,7 +38,7 @@ const TRIALS: u64 = 1;
 const PROGRESS_UNITS: u64 = 1000;
 
 /// A constant of the project that the drive contradicts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Doubt {
     /// The constant.
     pub constant: Constant,
@@ -337,8 +338,6 @@ impl Doubt {
     }
 }
 
-stored!(struct Doubt { constant, name, values, sigmas, is_used });
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -355,7 +354,7 @@ mod tests {
             .zip(names)
             .map(|(&(start, value), name)| EstimatedConstant {
                 name: name.into(),
-                unit: "m",
+                unit: "m".into(),
                 start,
                 value,
                 sigma: Some(0.004),

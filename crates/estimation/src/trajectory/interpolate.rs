@@ -1,10 +1,11 @@
 //! Poses between nodes.
 
+use serde::{Deserialize, Serialize};
+
 use super::settings::PoseLimits;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
 use crate::sensor::{PoseRecord, PoseSigma};
-use crate::stored::stored;
 
 /// Poses in strictly increasing time order, with interpolation between them.
 ///
@@ -12,11 +13,9 @@ use crate::stored::stored;
 /// known (its error is (Δt)⁴/384 times the fourth derivative: below a micrometre at IMU rate) and
 /// the straight line elsewhere; attitudes turn at constant rate. Outside the span there is no
 /// pose, nor between two nodes one of which is known less well than the limits demand.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-#[serde(transparent)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trajectory {
     nodes: Vec<PoseRecord>,
-    #[serde(skip)]
     limits: PoseLimits,
 }
 
@@ -210,8 +209,6 @@ impl PoseCursor<'_> {
         self.trajectory.between(index, fraction)
     }
 }
-
-stored!(struct Trajectory { nodes, limits });
 
 #[cfg(test)]
 mod tests {

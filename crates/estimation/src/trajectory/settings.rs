@@ -2,8 +2,9 @@
 
 pub use super::imu_noise::ImuNoise;
 pub use crate::adjustment::Loss;
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{BodyAxes, Vec3};
-use crate::stored::stored;
 
 /// Correlation time of the lasting part of the errors of positions and headings where none is
 /// given, seconds.
@@ -98,7 +99,7 @@ impl HeadingSettings {
 }
 
 /// Where the adjustment has its nodes. Poses come out at the IMU's rate in either case.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Nodes {
     /// At position fixes, and at least one a second; poses in between follow from the IMU.
@@ -110,7 +111,7 @@ pub enum Nodes {
 
 /// A constant that the adjustment may estimate along with the trajectory. Position sensors count in
 /// the order of [`TrajectorySettings::positions`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Constant {
     /// `prism.time_offset`: common time = sensor time + this, on top of the project's, seconds.
     TimeOffset(usize),
@@ -200,7 +201,7 @@ impl TrajectorySettings {
 
 /// How well a pose must be known for points to be placed with it. The standard deviation of a pose
 /// is that of its worst axis; each bound is above 0.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct PoseLimits {
     /// Largest standard deviation of a coordinate, metres.
     pub position_m: Option<f64>,
@@ -222,16 +223,3 @@ impl PoseLimits {
         }
     }
 }
-
-stored!(struct PoseLimits { position_m, rotation_rad });
-stored!(
-    enum Constant {
-        TimeOffset(stream),
-        LeverArm(sensor),
-        IncidenceBias(sensor),
-        HeadingOffset,
-        HeadingTimeOffset,
-        Gravity,
-        ImuNoiseScale,
-    }
-);

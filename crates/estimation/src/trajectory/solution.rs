@@ -1,12 +1,13 @@
 //! How an adjustment ended, and the residuals, rejections and constants it leaves.
 
 pub use crate::adjustment::StopReason;
+use serde::{Deserialize, Serialize};
+
 use crate::statistics::chi_square_bounds_95;
-use crate::stored::stored;
 use std::fmt;
 
 /// Why a record is not used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RejectionReason {
     /// Its time is out of order with those of the records around it.
@@ -31,7 +32,7 @@ impl fmt::Display for RejectionReason {
 }
 
 /// A record that is not used.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rejection {
     /// `imu`, `heading`, or the name of the position sensor.
     pub sensor: String,
@@ -46,7 +47,7 @@ pub struct Rejection {
 }
 
 /// One record's residual.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
     /// Number of the record in the log, from 1.
     pub record: usize,
@@ -64,12 +65,12 @@ pub struct Residual {
 }
 
 /// Statistics of one sensor's residuals after the adjustment.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SensorDiagnostics {
     /// `heading`, `pitch`, `rest`, `gyro`, `accelerometer`, `bias_walk`, or the name of the position sensor.
     pub name: String,
     /// Unit of the raw residuals; empty where they mix units.
-    pub unit: &'static str,
+    pub unit: String,
     /// Records used.
     pub count: usize,
     /// Records rejected by the test.
@@ -93,12 +94,12 @@ pub struct SensorDiagnostics {
 
 impl SensorDiagnostics {
     /// From the sums over the records used.
-    pub(super) fn new(name: impl Into<String>, unit: &'static str, sums: &Tally) -> Self {
+    pub(super) fn new(name: impl Into<String>, unit: &str, sums: &Tally) -> Self {
         let n = sums.components.max(1) as f64;
         let redundancy = sums.redundancy.max(0.0);
         Self {
             name: name.into(),
-            unit,
+            unit: unit.into(),
             count: sums.records,
             rejected: 0,
             ignored: 0,
@@ -129,12 +130,12 @@ pub struct Tally {
 }
 
 /// A constant that was estimated along with the trajectory.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EstimatedConstant {
     /// As in the project, with the component: `prism.lever_arm.x`.
     pub name: String,
     /// Unit of the values.
-    pub unit: &'static str,
+    pub unit: String,
     /// The value of the project.
     pub start: f64,
     /// The value estimated from the drive.
@@ -147,8 +148,8 @@ pub struct EstimatedConstant {
 impl EstimatedConstant {
     /// The factor that converts it to the unit in which it is shown, and that unit: angles in degrees,
     /// times in milliseconds.
-    pub fn shown_in(&self) -> (f64, &'static str) {
-        match self.unit {
+    pub fn shown_in(&self) -> (f64, &str) {
+        match self.unit.as_str() {
             "rad" => (1f64.to_degrees(), "°"),
             "s" => (1e3, "ms"),
             unit => (1.0, unit),
@@ -157,7 +158,7 @@ impl EstimatedConstant {
 }
 
 /// A clock that was set during recording.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockJump {
     /// `imu`, `heading`, or the name of the position sensor.
     pub sensor: String,
@@ -170,7 +171,7 @@ pub struct ClockJump {
 }
 
 /// How an adjustment ended and what it leaves.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Solution {
     /// Steps tried, refused ones included.
     pub iterations: usize,
@@ -198,7 +199,6 @@ pub struct Solution {
     pub rests_s: Vec<(f64, f64)>,
     /// Residuals of every record, per position sensor, heading and pitch, in the order of
     /// `sensors`.
-    #[serde(skip)]
     pub residuals: Vec<Vec<Residual>>,
 }
 
@@ -233,7 +233,8 @@ impl fmt::Display for Solution {
             "{} after {} iterations over {} nodes; residuals:",
             self.stop, self.iterations, self.nodes
         )?;
-        let measured = |s: &&SensorDiagnostics| s.count > 0 && matches!(s.unit, "m" | "rad");
+        let measured =
+            |s: &&SensorDiagnostics| s.count > 0 && matches!(s.unit.as_str(), "m" | "rad");
         for (i, sensor) in self.sensors.iter().filter(measured).enumerate() {
             let comma = if i > 0 { "," } else { "" };
             let rms = if sensor.unit == "m" {
@@ -273,24 +274,3 @@ impl Solution {
         }
     }
 }
-
-stored!(struct Solution {
-    iterations, converged, stop, cost_initial, cost_final, nodes, sensors, constants, rejections,
-    clock_jumps, imu_gaps_s, rests_s, residuals,
-});
-stored!(struct SensorDiagnostics {
-    name, unit, count, rejected, ignored, rms_raw, rms_normalised, redundancy, chi_square,
-    chi_square_bounds_95, variance_component,
-});
-stored!(struct EstimatedConstant { name, unit, start, value, sigma });
-stored!(struct Rejection { sensor, record, time_s, reason, normalised });
-stored!(struct ClockJump { sensor, record, time_s, size_s });
-stored!(struct Residual { record, time_s, values, normalised, tests, weight });
-stored!(
-    enum RejectionReason {
-        TimeOrder,
-        OutsideImu,
-        Outlier,
-        Late,
-    }
-);

@@ -7,9 +7,10 @@ mod total_station;
 
 pub mod allan;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
-use crate::stored::stored;
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use projected::project_fixes;
 pub use record::Record;
@@ -95,7 +96,7 @@ impl HeadingFix {
 }
 
 /// A row of a log that holds no measurement, and the reason.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RejectedRow {
     /// The file.
     pub source: String,
@@ -140,7 +141,7 @@ pub struct ScanPoint {
 }
 
 /// One pose of a trajectory, measured elsewhere or estimated here.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseRecord {
     /// Seconds.
     pub time_s: f64,
@@ -168,7 +169,7 @@ impl PoseRecord {
 }
 
 /// Biases of the IMU in body axes: measured = true + bias.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ImuBias {
     /// rad/s.
     pub gyro_rad_s: Vec3,
@@ -177,7 +178,7 @@ pub struct ImuBias {
 }
 
 /// Standard deviations of a pose, along and about the world axes.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseSigma {
     /// Position: east, north, up, metres.
     pub position_m: Vec3,
@@ -295,11 +296,6 @@ fn clock_hint(gap_s: f64) -> &'static str {
         ""
     }
 }
-
-stored!(struct PoseRecord { time_s, world_from_body, velocity_m_s, bias, sigma });
-stored!(struct ImuBias { gyro_rad_s, accel_m_s2 });
-stored!(struct PoseSigma { position_m, rotation_rad });
-stored!(struct RejectedRow { source, line, time_s, reason });
 
 #[cfg(test)]
 mod tests {

@@ -64,7 +64,7 @@ impl Tail {
         read: impl FnOnce(&Input, At<'_>) -> Result<Vec<T>>,
     ) -> Result<Vec<T>> {
         let excerpt = match &mut self.log {
-            Log::Table(table) => table.next()?,
+            Log::Table(table) => table.new_rows()?,
             Log::Binary(window) => window.next()?,
         };
         let Some(excerpt) = excerpt else {

@@ -1,6 +1,6 @@
 //! Verdicts on the constancy of the mountings, from the residuals along the drive.
 
-use crate::calibration::{Calibration, Constancy, Gap, Method};
+use crate::calibration::{Calibration, Constancy, Correlation, Gap, Method};
 use crate::number;
 use crate::verdict::Verdict;
 
@@ -79,8 +79,9 @@ const JUMPED: f64 = 0.6;
 
 /// The pattern of the residuals along the drive, and its likely cause.
 fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
-    let strongest = constancy.strongest.filter(|(_, r)| r.abs() > CORRELATED);
-    let other = strongest.map_or(0.0, |(_, r)| r.abs());
+    let strongest = constancy.strongest.as_ref();
+    let strongest = strongest.filter(|strongest| strongest.coefficient.abs() > CORRELATED);
+    let other = strongest.map_or(0.0, |strongest| strongest.coefficient.abs());
     if let Some(jump) = constancy.jump
         && jump.correlation > JUMPED.max(other)
     {
@@ -93,12 +94,12 @@ fn pattern(calibration: &Calibration, constancy: &Constancy) -> String {
             jump.correlation
         );
     }
-    strongest.map_or(String::new(), |(name, r)| {
-        let likely = match name {
+    strongest.map_or(String::new(), |Correlation { with, coefficient }| {
+        let likely = match with.as_str() {
             "time" => "a mounting creeps, or a sensor drifts",
             _ => "the frame bends under load, or a mount has play",
         };
-        format!(" They follow {name} (correlation {r:.2}): {likely}.")
+        format!(" They follow {with} (correlation {coefficient:.2}): {likely}.")
     })
 }
 

@@ -47,7 +47,7 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
     if let Some(drive) = calibration_drive {
         verdicts.extend(drive.doubts.iter().map(doubt));
     }
-    if let Some(calibrations) = &results.calibrations {
+    if let Some(calibrations) = results.calibrations {
         let logs_have_a_fault = verdicts.iter().any(|v| v.severity == Severity::Fault);
         let mut on_calibration = calibration(calibrations, results.drives, acceptance);
         if logs_have_a_fault {
@@ -117,8 +117,8 @@ fn calibration(
     drives: &[Drive],
     acceptance: &Acceptance,
 ) -> Vec<Verdict> {
-    let result = calibrations.result;
-    let joint = calibrations.joint;
+    let result = &calibrations.result;
+    let joint = calibrations.joint.as_ref();
     let accepted = joint.and_then(JointReport::accepted);
     let moves = accepted.is_some_and(|joint| joint.rung > Rung::Rigid);
 

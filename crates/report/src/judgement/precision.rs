@@ -92,7 +92,7 @@ pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -
 /// The verdicts on the observability of the parameters.
 pub fn observability(calibrations: &Calibrations) -> Vec<Verdict> {
     const CODE: &str = "mounting.unobservable";
-    let directions = unobservable(calibrations.result, "").into_iter();
+    let directions = unobservable(&calibrations.result, "").into_iter();
     let mut lines: Vec<Verdict> = directions.map(|text| Verdict::care(CODE, text)).collect();
     if lines.is_empty() {
         lines.push(Verdict::good(

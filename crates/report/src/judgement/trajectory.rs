@@ -80,7 +80,7 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             format!("{ended} Its standard deviations are invalid."),
         )
     });
-    let measuring = |s: &&SensorDiagnostics| matches!(s.unit, "m" | "rad");
+    let measuring = |s: &&SensorDiagnostics| matches!(s.unit.as_str(), "m" | "rad");
     for sensor in sensors_shown(solution).filter(measuring) {
         let name = sensor_name(&sensor.name);
         if is_notable(sensor) {

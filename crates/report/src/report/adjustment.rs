@@ -79,7 +79,7 @@ fn sensors(solution: &Solution) -> String {
             escape(sensor_name(&sensor.name)),
             number::count(sensor.count),
             number::count(sensor.rejected),
-            quantity(sensor.rms_raw, sensor.unit),
+            quantity(sensor.rms_raw, &sensor.unit),
             number::fixed(sensor.rms_normalised, 2),
             number::fixed(sensor.redundancy, 0),
             number::fixed(checked.unwrap_or(f64::NAN), 2),
@@ -117,7 +117,7 @@ fn constants(solution: &Solution) -> String {
         body.push_str(&format!(
             "<tr><th scope=\"row\">{}</th>{cell}<td class=\"text\">{}</td></tr>\n",
             escape(&constant.name),
-            escape(text.unit)
+            escape(&text.unit)
         ));
     }
     let head = "<tr><th scope=\"col\">constant</th><th scope=\"col\">estimated</th><th scope=\"col\">project</th><th scope=\"col\"></th><th scope=\"col\" class=\"text\">unit</th></tr>\n";
@@ -149,7 +149,7 @@ fn worst_measurements(solution: &Solution) -> String {
             m.record,
             log_time(m.time_s),
             escape(&m.component),
-            number::signed(quantity(m.residual, m.unit)),
+            number::signed(quantity(m.residual, &m.unit)),
             number::signed(number::fixed(m.normalised, 1)),
             number::signed(number::fixed(m.test, 1)),
             if m.rejected { "rejected" } else { "" }

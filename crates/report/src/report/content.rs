@@ -3,17 +3,20 @@
 //! Every section may be absent (`None` or an empty list) and is then left out of the page. Numbers
 //! that are not finite are shown as a dash in tables and as a gap in figures.
 
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
 use super::imprint::Imprint;
 use super::scene::Scene;
 use crate::comparison::Agreement;
 use crate::geometry::{BodyAxes, Vec3};
 use crate::progress::StageSeconds;
 use crate::results::{Calibrations, Drive};
-use crate::stored::stored;
 use crate::verdict::Verdict;
 
 /// The whole report.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Content<'a> {
     /// Heading of the page, for example "Calibration of drive-1".
     pub title: String,
@@ -32,33 +35,33 @@ pub struct Content<'a> {
     /// Inputs: one line per sensor, drive or notable setting.
     pub inputs: Vec<Fact>,
     /// Names of the [`csv::FILES`](super::csv::FILES) that were written beside the page.
-    pub csv: Vec<&'static str>,
+    pub csv: Vec<String>,
     /// The files that were read.
-    pub files: &'a [InputFile],
+    pub files: Cow<'a, [InputFile]>,
     /// Where the sensors are on the body.
     pub platform: Option<Platform>,
     /// The calibration, with the values that it is compared with.
-    pub calibrations: Option<Calibrations<'a>>,
+    pub calibrations: Option<Cow<'a, Calibrations>>,
     /// Two clouds compared by themselves.
     pub comparison: Option<Comparison>,
     /// The calibration drive, then the others.
-    pub drives: &'a [Drive],
+    pub drives: Cow<'a, [Drive]>,
     /// The clouds of each drive for the viewer; empty if the page has no viewer.
-    pub scenes: &'a [Option<Scene>],
+    pub scenes: Cow<'a, [Option<Scene>]>,
     /// The thinned reference, world frame, metres; higher points are drawn darker.
-    pub background_m: &'a [Vec3],
+    pub background_m: Cow<'a, [Vec3]>,
     /// Run time by stage, in order.
-    pub stages: &'a [StageSeconds],
+    pub stages: Cow<'a, [StageSeconds]>,
     /// Peak resident memory, bytes.
     pub peak_memory_bytes: Option<u64>,
     /// Warnings in the order they were raised.
-    pub warnings: &'a [String],
+    pub warnings: Cow<'a, [String]>,
     /// The verdicts on the results, those that need attention first.
     pub verdicts: Vec<Verdict>,
 }
 
 /// Two clouds compared with each other.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Comparison {
     /// Name of the reference.
     pub reference: String,
@@ -67,7 +70,7 @@ pub struct Comparison {
 }
 
 /// Where the sensors are on the body.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Platform {
     /// Axes of the body.
     pub axes: BodyAxes,
@@ -78,7 +81,7 @@ pub struct Platform {
 }
 
 /// A file that was read.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InputFile {
     /// As named by the project, absolute.
     pub path: String,
@@ -89,15 +92,10 @@ pub struct InputFile {
 }
 
 /// A label and its value.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fact {
     /// For example "IMU".
     pub label: String,
     /// For example "imu.csv, 30,000 samples at 100 Hz, 300 s".
     pub value: String,
 }
-
-stored!(struct Comparison { reference, agreement });
-stored!(struct Fact { label, value });
-stored!(struct Platform { axes, marks, outlines_m });
-stored!(struct InputFile { path, bytes, xxh128 });

@@ -72,7 +72,7 @@ impl Run<'_> {
     }
 }
 
-fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
+fn runs(calibrations: &Calibrations) -> Vec<Run<'_>> {
     let truth = calibrations.mountings(MountingKind::Truth);
     let run = |label, calibration| Run {
         label,
@@ -81,7 +81,7 @@ fn runs<'a>(calibrations: &Calibrations<'a>) -> Vec<Run<'a>> {
     };
     let two_steps = calibrations.two_steps();
     let result = match calibrations.result.method {
-        Method::Paper => Some(run("as in the paper", calibrations.result)),
+        Method::Paper => Some(run("as in the paper", &calibrations.result)),
         _ => two_steps.map(|calibration| run("two steps", calibration)),
     };
     let variants = [

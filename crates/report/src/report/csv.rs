@@ -47,33 +47,35 @@ impl File {
 
 /// All files.
 pub const FILES: [File; 7] = [
-    file("distances.csv", "maps", |content| distances(content.drives)),
+    file("distances.csv", "maps", |content| {
+        distances(&content.drives)
+    }),
     file("sigmas.csv", "observability", |content| {
         content
             .calibrations
-            .as_ref()
+            .as_deref()
             .map_or_else(String::new, sigmas)
     }),
     file("blocks.csv", "residuals", |content| {
         content
             .calibrations
-            .as_ref()
+            .as_deref()
             .map_or_else(String::new, blocks)
     }),
-    file("poses.csv", "trajectory", |content| poses(content.drives)),
+    file("poses.csv", "trajectory", |content| poses(&content.drives)),
     file("residuals.csv", "trajectory", |content| {
-        residuals(content.drives)
+        residuals(&content.drives)
     }),
     file("moved.csv", "trajectory", |content| {
         content
             .calibrations
-            .as_ref()
+            .as_deref()
             .map_or_else(String::new, moved)
     }),
     file("convergence.csv", "convergence", |content| {
         content
             .calibrations
-            .as_ref()
+            .as_deref()
             .map_or_else(String::new, convergence)
     }),
 ];
@@ -183,7 +185,7 @@ fn of_pair(drive: &str, agreements: &[Agreement], out: &mut String) {
 }
 
 /// The calibrations of a run with their names.
-fn calibrations<'a>(all: &Calibrations<'a>) -> Vec<(&'static str, &'a Calibration)> {
+fn calibrations(all: &Calibrations) -> Vec<(&'static str, &Calibration)> {
     let names = [
         (Variant::Paper, "paper"),
         (Variant::TwoStep, "two steps"),
@@ -194,7 +196,7 @@ fn calibrations<'a>(all: &Calibrations<'a>) -> Vec<(&'static str, &'a Calibratio
         let calibration = all.variant(variant)?;
         Some((name, calibration))
     });
-    std::iter::once(("result", all.result))
+    std::iter::once(("result", &all.result))
         .chain(variants)
         .collect()
 }
@@ -328,7 +330,7 @@ fn residuals(drives: &[Drive]) -> String {
                             residual.record.to_string(),
                             cell(residual.time_s, 4),
                             quoted(&component),
-                            sensor.unit.to_owned(),
+                            sensor.unit.clone(),
                             cell(*value, 7),
                             cell(component_of(&residual.normalised), 4),
                             cell(component_of(&residual.tests), 4),

@@ -103,7 +103,7 @@ fn mountings(content: &Content) -> String {
     let Some(calibrations) = &content.calibrations else {
         return String::new();
     };
-    "<h3>Mounting on the body</h3>\n".to_owned() + &mounting::brief(calibrations.result)
+    "<h3>Mounting on the body</h3>\n".to_owned() + &mounting::brief(&calibrations.result)
 }
 
 fn drawing(content: &Content) -> String {
@@ -114,7 +114,7 @@ fn drawing(content: &Content) -> String {
     "<h3>Platform</h3>\n".to_owned() + &platform::drawing(platform, &fans)
 }
 
-fn fans<'a>(calibrations: &Calibrations<'a>) -> Vec<Fan<'a>> {
+fn fans(calibrations: &Calibrations) -> Vec<Fan<'_>> {
     let initial = calibrations.mountings(MountingKind::Initial);
     let scanners = calibrations.result.mountings.iter().enumerate();
     scanners

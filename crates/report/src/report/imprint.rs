@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Location, Result};
 
@@ -10,7 +11,7 @@ use crate::error::{Error, Location, Result};
 const MOST_BYTES: u64 = 1 << 20;
 
 /// Title, author, organisation and logo of a report.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Imprint {
     /// Heading of the page; `None` for the name of the drive.
     pub title: Option<String>,
@@ -18,7 +19,8 @@ pub struct Imprint {
     pub author: Option<String>,
     /// Organisation of the author.
     pub organisation: Option<String>,
-    /// Absolute path of a picture.
+    /// Absolute path of a picture; it is not kept, because pages hold the picture itself.
+    #[serde(skip)]
     pub logo: Option<PathBuf>,
 }
 

@@ -246,7 +246,7 @@ fn constants(joint: &Joint) -> String {
             &text.value,
             text.sigma.as_deref(),
             &text.start,
-            text.unit,
+            &text.unit,
         );
     }
     for (mounting, late) in joint.mountings.iter().zip(&joint.late_s) {
@@ -268,7 +268,10 @@ fn constants(joint: &Joint) -> String {
 
 /// Size and course of the adjustment.
 fn course(calibrations: &Calibrations, joint: &Joint) -> String {
-    let seconds = calibrations.joint.map_or(f64::NAN, |report| report.seconds);
+    let seconds = calibrations
+        .joint
+        .as_ref()
+        .map_or(f64::NAN, |report| report.seconds);
     format!(
         "<p class=\"note\">The joint adjustment: {} unknowns, {} rows of scans, {} patches of the surface, {} iterations, {}; {}.</p>\n",
         number::count(joint.unknowns),

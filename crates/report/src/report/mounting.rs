@@ -280,7 +280,7 @@ pub fn brief(calibration: &Calibration) -> String {
 /// The mountings of a joint adjustment whose values are not the result.
 fn refused(calibrations: &Calibrations) -> Option<Calibration> {
     let joint: &Joint = calibrations.refused()?;
-    Some(joint.calibration(calibrations.result))
+    Some(joint.calibration(&calibrations.result))
 }
 
 /// A column of a calibration.
@@ -295,11 +295,11 @@ fn column<'a>(label: &'static str, calibration: &'a Calibration, scanner: usize)
 
 /// The columns of one scanner: initial values and every method.
 fn methods<'a>(
-    calibrations: &Calibrations<'a>,
+    calibrations: &'a Calibrations,
     refused: Option<&'a Calibration>,
     scanner: usize,
 ) -> Vec<Column<'a>> {
-    let result = calibrations.result;
+    let result = &calibrations.result;
     let initial = calibrations.mountings(MountingKind::Initial);
     let initial = initial.map(|initial| Column {
         label: "initial",
@@ -325,7 +325,7 @@ fn methods<'a>(
 }
 
 /// The columns of one scanner for two steps under other conditions.
-fn conditions<'a>(calibrations: &Calibrations<'a>, scanner: usize) -> Vec<Column<'a>> {
+fn conditions(calibrations: &Calibrations, scanner: usize) -> Vec<Column<'_>> {
     let conditions = [
         (Variant::WithoutReference, "without reference"),
         (Variant::ExactPoses, "with exact poses"),

@@ -62,7 +62,8 @@ pub(super) fn document(title: &str, header: &str, main: &str) -> String {
 /// Links to the files behind the figures of a section; empty without any.
 fn numbers(id: &str, content: &Content) -> String {
     let files = csv::FILES.iter();
-    let files = files.filter(|file| file.section == id && content.csv.contains(&file.name));
+    let files =
+        files.filter(|file| file.section == id && content.csv.iter().any(|name| name == file.name));
     let links: Vec<String> = files
         .map(|file| format!("<a href=\"{0}/{1}\">{1}</a>", csv::FOLDER, file.name))
         .collect();
@@ -79,8 +80,8 @@ fn numbers(id: &str, content: &Content) -> String {
 /// Identifier, heading and markup of each section; the markup is empty without data.
 fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
     let tracks: Vec<Track> = content.drives.iter().map(Track::of).collect();
-    let calibrations = content.calibrations.as_ref();
-    let result = calibrations.map(|calibrations| calibrations.result);
+    let calibrations = content.calibrations.as_deref();
+    let result = calibrations.map(|calibrations| &calibrations.result);
     vec![
         (
             "mounting",
@@ -101,17 +102,17 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
         (
             "distances",
             "Agreement of the point clouds",
-            tables::distances(content.drives),
+            tables::distances(&content.drives),
         ),
         (
             "maps",
             "Maps of the distances",
-            maps::maps(content.drives) + &detection::maps(content.drives, content.background_m),
+            maps::maps(&content.drives) + &detection::maps(&content.drives, &content.background_m),
         ),
         (
             "scene",
             "The clouds in three dimensions",
-            scene::section(content.drives, content.scenes),
+            scene::section(&content.drives, &content.scenes),
         ),
         (
             "observability",
@@ -152,10 +153,10 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
             "Time and memory",
             html::details(
                 "Stages",
-                &tables::resources(content.stages, content.peak_memory_bytes),
+                &tables::resources(&content.stages, content.peak_memory_bytes),
             ),
         ),
-        ("warnings", "Warnings", tables::warnings(content.warnings)),
+        ("warnings", "Warnings", tables::warnings(&content.warnings)),
     ]
 }
 
@@ -170,7 +171,7 @@ fn trajectory(tracks: &[Track], content: &Content, calibrations: Option<&Calibra
     };
     origin.to_owned()
         + &adjustment::statements(tracks)
-        + &figures::top_view(tracks, content.background_m)
+        + &figures::top_view(tracks, &content.background_m)
         + &content
             .drives
             .first()

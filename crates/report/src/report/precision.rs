@@ -23,7 +23,7 @@ struct Series<'a> {
 
 /// Standard deviations of all parameters, positions beside rotations; empty without a covariance.
 pub fn figure(calibrations: &Calibrations) -> String {
-    let result = calibrations.result;
+    let result = &calibrations.result;
     let mut series = vec![Series {
         class: "s0",
         name: method_name(result.method).to_owned(),

@@ -57,7 +57,7 @@ pub fn lines(content: &Content) -> String {
 
 /// The inputs, and the files with their checksums.
 pub fn inputs(content: &Content) -> String {
-    facts(&content.inputs) + &html::details("Files and checksums", &files(content.files))
+    facts(&content.inputs) + &html::details("Files and checksums", &files(&content.files))
 }
 
 fn files(files: &[InputFile]) -> String {

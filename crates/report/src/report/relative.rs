@@ -20,7 +20,7 @@ struct Column {
 /// A table for each scanner but the first; empty for one scanner.
 pub fn tables(calibrations: &Calibrations) -> String {
     let truth = calibrations.mountings(MountingKind::Truth);
-    let result = calibrations.result;
+    let result = &calibrations.result;
     let mut out = String::new();
     for (i, mounting) in result.relative().into_iter().enumerate() {
         let truth = truth.map(|truth| relative(&truth[0], &truth[i + 1]));

@@ -56,7 +56,7 @@ fn of_sensor(
     sensor: &SensorDiagnostics,
     residuals: &[Residual],
 ) -> String {
-    let (factor, unit) = drawn_unit(sensor.unit);
+    let (factor, unit) = drawn_unit(&sensor.unit);
     let components = residuals.iter().map(|r| r.values.len()).max().unwrap_or(0);
     let span = axis::range(
         drive

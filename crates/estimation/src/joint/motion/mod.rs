@@ -11,10 +11,11 @@ pub use corrections::CorrectedPoses;
 pub use gauss_markov::{GaussMarkov, rows_together};
 pub use knots::{AT_BRIDGE, BRIDGE, Knot, NodeGradient, StepPoses};
 
+use serde::{Deserialize, Serialize};
+
 use super::row::RowBatch;
 use crate::geometry::Vec3;
 use crate::sensor::PoseRecord;
-use crate::stored::stored;
 use nalgebra::DMatrix;
 
 /// The places of a motion's unknowns and groups in the whole problem.
@@ -90,7 +91,7 @@ pub trait Motion: Send + Sync {
 
 /// Means of a position sensor's residuals over blocks of time: white residuals average out, residuals due to
 /// a wrong model do not.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PositionBlocks {
     /// Name of the sensor.
     pub sensor: String,
@@ -103,7 +104,7 @@ pub struct PositionBlocks {
 }
 
 /// The residuals of a position sensor along a drive.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PositionResiduals {
     /// Name of the sensor.
     pub sensor: String,
@@ -125,6 +126,3 @@ pub struct ConstantValue {
     /// Standard deviation of the prior about `base`.
     pub prior_sigma: f64,
 }
-
-stored!(struct PositionBlocks { sensor, block_s, blocks, rms });
-stored!(struct PositionResiduals { sensor, records });

@@ -8,8 +8,9 @@ mod regions;
 pub use association::associate;
 pub use cells::{ReferenceCells, ReferencePlace};
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Vec3;
-use crate::stored::stored;
 
 /// Fewest points that a surfel is fitted to.
 const MIN_POINTS: f64 = 12.0;
@@ -167,7 +168,7 @@ impl Association {
 }
 
 /// A region in which scans and reference disagree, for example because a board was moved.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Region {
     /// Mean of its surfels, world, metres.
     pub centre_m: Vec3,
@@ -221,5 +222,3 @@ pub struct Gates {
     /// For each scanner, the number of consecutive steps of which only one, the keyframe, has rows.
     pub keyframe_steps: Vec<usize>,
 }
-
-stored!(struct Region { centre_m, offset_m, surfels });

@@ -54,7 +54,7 @@ impl GrowingTable {
     ///
     /// # Errors
     /// A file that cannot be read or has become shorter.
-    pub fn next(&mut self) -> Result<Option<Input>> {
+    pub fn new_rows(&mut self) -> Result<Option<Input>> {
         let fail = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let length = file.metadata().map_err(fail)?.len();

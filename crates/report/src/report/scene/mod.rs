@@ -28,13 +28,13 @@ pub use section::section;
 
 use places::Place;
 use quantised::{Bytes, Places, Range16, Track};
+use serde::{Deserialize, Serialize};
 
 use crate::comparison::MountingKind;
 use crate::geometry::{BodyFromScanner, Vec3};
-use crate::stored::stored;
 
 /// The clouds of one drive.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Scene {
     /// Origin of all positions, in the coordinates of the map, metres.
     pub origin_m: Vec3,
@@ -63,13 +63,9 @@ pub struct Scene {
     /// Radius around a place within which all points are included, metres.
     pub place_radius_m: f64,
 }
-stored!(struct Scene {
-    origin_m, step_m, start_s, step_s, fans, poses, variants, against, reference, reference_of, surfels,
-    places, place_radius_m
-});
 
 /// Surfels of a surface.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Surfels {
     /// Their centres relative to the origin, in steps of 10 µm.
     pub centres: Places,
@@ -80,7 +76,6 @@ pub struct Surfels {
     /// The edge of every surfel, metres.
     pub size_m: f64,
 }
-stored!(struct Surfels { centres, normals, roughness, size_m });
 
 /// Step of the points of the reference, metres.
 const REFERENCE_STEP_M: f64 = 1e-5;
@@ -89,7 +84,7 @@ const REFERENCE_STEP_M: f64 = 1e-5;
 const PLACE_RADIUS_M: f64 = 0.2;
 
 /// The points of one scanner, profile by profile in the order of their times.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Fan {
     /// Name of the scanner.
     pub name: String,
@@ -108,10 +103,9 @@ pub struct Fan {
     /// The far end of its field of view, in the scanner frame, metres; empty if it is not a fan.
     pub outline_m: Vec<Vec3>,
 }
-stored!(struct Fan { name, of, coordinates, counts, times, numbers, passes, outline_m });
 
 /// A way in which the points are placed.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Variant {
     /// The mountings.
     pub kind: MountingKind,
@@ -130,6 +124,3 @@ pub struct Variant {
     /// Standard deviation of the 3D position of the body when a point was measured, metres.
     pub pose_sigmas: Vec<Bytes>,
 }
-stored!(struct Variant {
-    kind, poses, mountings, moving, distances, detections, omnivariances, pose_sigmas
-});

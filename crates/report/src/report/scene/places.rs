@@ -1,9 +1,10 @@
 //! Places where a section shows most: level and steep surfaces that several scanners or passes saw.
 
+use serde::{Deserialize, Serialize};
+
 use crate::cloud::StructureTensor;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::Vec3;
-use crate::stored::stored;
 
 /// Edge of the cells that are searched for surfaces, metres.
 const CELL_M: f64 = 0.15;
@@ -22,7 +23,7 @@ const LEVEL_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 const STEEP_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
 
 /// A place for a section.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
     /// Description of the surface.
     pub name: String,
@@ -33,7 +34,6 @@ pub struct Place {
     /// Number of passes that saw it, counted for each scanner.
     pub seen: usize,
 }
-stored!(struct Place { name, centre_m, slope_rad, seen });
 
 /// A cell with enough points.
 struct Cell {

@@ -1,7 +1,8 @@
 //! Numbers quantised to few bits, with the size of their steps.
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::{Rotation, Transform, Vec3};
-use crate::stored::stored;
 
 /// Steps between the ends of a [`Range16`].
 const STEPS_16: f64 = u16::MAX as f64;
@@ -13,7 +14,7 @@ const STEPS_8: f64 = 254.0;
 pub const ROTATION_STEP: f64 = 1.0 / (1_u32 << 30) as f64;
 
 /// Numbers in 16 bits over their range. The error is at most half a step.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Range16 {
     /// The smallest number.
     pub low: f64,
@@ -22,7 +23,6 @@ pub struct Range16 {
     /// Steps from the smallest number; empty if all are the same.
     pub values: Vec<u16>,
 }
-stored!(struct Range16 { low, high, values });
 
 impl Range16 {
     /// Quantises finite numbers.
@@ -50,7 +50,7 @@ impl Range16 {
 
 /// Numbers in one byte each: 0 for an unknown number, 1 to 255 from the low to the high end. Numbers beyond an end are
 /// clamped to it.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Bytes {
     /// The number that 1 stands for.
     pub low: f64,
@@ -59,7 +59,6 @@ pub struct Bytes {
     /// The bytes.
     pub values: Vec<u8>,
 }
-stored!(struct Bytes { low, high, values });
 
 impl Bytes {
     /// Quantises numbers; those that are not finite are unknown.
@@ -91,12 +90,11 @@ pub fn step_31(least: f64, reach: f64) -> f64 {
 }
 
 /// Points as whole steps from an origin, one list per axis.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Places {
     /// x, y and z.
     pub axes: [Vec<i32>; 3],
 }
-stored!(struct Places { axes });
 
 impl Places {
     /// Adds a point in steps of `step_m`; `point_m` is relative to the origin, metres.
@@ -108,7 +106,7 @@ impl Places {
 }
 
 /// A transform for each profile of a scanner.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Track {
     /// Translations.
     pub places: Places,
@@ -116,7 +114,6 @@ pub struct Track {
     /// neighbours.
     pub rotations: [Vec<i32>; 4],
 }
-stored!(struct Track { places, rotations });
 
 impl Track {
     /// Adds a transform; `origin_m` is the origin of the list in the frame of the transform's translation.
