@@ -126,7 +126,9 @@ impl Compared<'_> {
     }
 
     fn keyed(&self, key: Key) -> Key {
-        key.with(&(self.mountings, &self.project.comparison))
+        // The more drives, the fewer points of each are shown.
+        let drives = self.project.evaluations.len();
+        key.with(&(self.mountings, &self.project.comparison, drives))
     }
 
     fn evaluated(

@@ -6,10 +6,11 @@ use twox_hash::xxhash3_128::Hasher;
 
 use super::inputs::Inputs;
 use super::program::PROGRAM;
+use super::recorded::is_recorded;
 use crate::comparison::ComparisonSettings;
 use crate::error::{Error, Result};
 use crate::format::file_of;
-use crate::project::{OtherDrive, Project, Scanner};
+use crate::project::{OtherDrive, Project};
 use crate::report::Imprint;
 use crate::verdict::Acceptance;
 
@@ -131,19 +132,22 @@ fn before_comparison(project: &Project) -> Project {
     }
 }
 
-/// A project with only the inputs of the poses: these depend on the existence of scanners, but not on their data.
+/// A project with only the inputs of the poses: these depend on the existence of scanners, but not on their data, unless
+/// these were recorded, since the clocks of all logs of a recording are judged together with the poses.
 fn before_scans(project: &Project) -> Project {
-    let without_profiles = |scanner: &Scanner| Scanner {
-        profiles: Vec::new(),
-        ..scanner.clone()
-    };
+    let mut scanners = project.scanners.clone();
+    if !is_recorded(project) {
+        scanners
+            .iter_mut()
+            .for_each(|scanner| scanner.profiles.clear());
+    }
     Project {
         reference: None,
         // Only mountings follow these columns.
         bending: None,
         calibration: Default::default(),
         joint: Default::default(),
-        scanners: project.scanners.iter().map(without_profiles).collect(),
+        scanners,
         ..before_comparison(project)
     }
 }

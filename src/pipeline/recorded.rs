@@ -14,6 +14,26 @@ use crate::verdict::Verdict;
 /// # Errors
 /// Files of the recording that cannot be read; see [`sensor_clock`].
 pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
+    let logs = logs(project);
+    let Some(system) = logs.iter().find_map(|(_, path)| recording_clock(path)) else {
+        return Ok(Vec::new());
+    };
+    let system = system?;
+    let mut sensors = Vec::new();
+    for (name, path) in logs {
+        sensors.extend(sensor_clock(path)?.map(|clock| (name, clock)));
+    }
+    Ok(judgement::recording(&system, &sensors))
+}
+
+/// Whether the logs of a drive were recorded with the times of their arrival.
+pub(super) fn is_recorded(project: &Project) -> bool {
+    let mut logs = logs(project).into_iter();
+    logs.any(|(_, path)| recording_clock(path).is_some())
+}
+
+/// The logs of a drive, with the names of their sensors.
+fn logs(project: &Project) -> Vec<(&str, &Path)> {
     let mut logs: Vec<(&str, &Path)> = Vec::new();
     if let Motion::Logs(motion) = &project.motion {
         logs.push(("imu", &motion.imu.path));
@@ -25,13 +45,5 @@ pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
         let files = scanner.profiles.iter();
         logs.extend(files.map(|path| (scanner.name.as_str(), path.as_path())));
     }
-    let Some(system) = logs.iter().find_map(|(_, path)| recording_clock(path)) else {
-        return Ok(Vec::new());
-    };
-    let system = system?;
-    let mut sensors = Vec::new();
-    for (name, path) in logs {
-        sensors.extend(sensor_clock(path)?.map(|clock| (name, clock)));
-    }
-    Ok(judgement::recording(&system, &sensors))
+    logs
 }

@@ -84,10 +84,9 @@ pub fn marked_toml(scanners: &[Scanner], verdicts: &[Verdict]) -> Result<String>
 /// Number of worst measurements listed.
 const WORST: usize = 20;
 
-/// The adjustment of the trajectory: the solution with the test of each sensor, the worst
-/// measurements, the number of rejections, and the standard deviations of the poses.
-pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
-    let mut value = json!({
+/// How an adjustment of the trajectory ended: its sensors, constants and rejections, without the residual of each record.
+pub fn solution(solution: &Solution) -> Value {
+    json!({
         "iterations": solution.iterations,
         "converged": solution.converged,
         "stop": solution.stop,
@@ -100,7 +99,13 @@ pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
         "clock_jumps": solution.clock_jumps,
         "imu_gaps_s": solution.imu_gaps_s,
         "rests_s": solution.rests_s,
-    });
+    })
+}
+
+/// The adjustment of the trajectory: its [`solution`](self::solution) with the test of each sensor, the worst
+/// measurements, the number of rejections, and the standard deviations of the poses.
+pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
+    let mut value = self::solution(solution);
     for (i, sensor) in solution.sensors.iter().enumerate() {
         value["sensors"][i]["chi_square_passed"] = json!(diagnostics::passes(sensor));
     }

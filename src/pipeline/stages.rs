@@ -225,11 +225,7 @@ pub fn calibration(
     reference: &[Vec3],
     progress: &dyn Progress,
 ) -> Result<Calibration> {
-    if project
-        .scanners
-        .iter()
-        .all(|scanner| scanner.fixed == [true; 6])
-    {
+    if mountings.iter().all(|mounting| mounting.fixed == [true; 6]) {
         return Err(Error::data(
             format!(
                 "{}: all parameters of all scanners are fixed: there is nothing to calibrate",

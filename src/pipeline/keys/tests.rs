@@ -122,3 +122,24 @@ fn stages_follow_their_inputs_and_settings() {
         &["joint", "evaluations"],
     );
 }
+
+#[test]
+fn poses_from_a_recording_follow_the_logs_of_its_scanners() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("project.toml"), PROJECT).unwrap();
+    for log in LOGS {
+        fs::write(at(log), log).unwrap();
+    }
+    for name in ["left.stamps.csv", "clock.csv", "events.csv"] {
+        fs::write(at(name), "").unwrap();
+    }
+    let poses = || keys(folder.path())[1].1.clone();
+    let mut before = poses();
+    for file in ["left.csv", "left.stamps.csv"] {
+        fs::write(at(file), "salvaged").unwrap();
+        let now = poses();
+        assert_ne!(now, before, "{file}");
+        before = now;
+    }
+}

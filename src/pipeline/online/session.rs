@@ -10,6 +10,7 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::pipeline::job::Job;
 use crate::pipeline::outcome::{Options, Outcome};
+use crate::pipeline::result;
 use crate::pipeline::stages::write_trajectory;
 use crate::progress::Progress;
 use crate::project::Project;
@@ -159,7 +160,7 @@ impl<'a> Session<'a> {
                     "rejected": rejected,
                     "jumps": jumps,
                 },
-                "trajectory": solution,
+                "trajectory": result::solution(solution),
                 "poses": nodes,
                 "span_s": [first_s, last_s],
             }),

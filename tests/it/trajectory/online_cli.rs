@@ -82,6 +82,9 @@ fn replayed_followed_and_piped_logs_give_the_same_trajectory() {
     let updates = answer["online"]["updates"].as_u64().expect("a number");
     assert!((380..=420).contains(&updates), "{updates}");
     assert!(answer["online"]["update_ms_median"].as_f64() > Some(0.0));
+    assert!(answer["trajectory"]["sensors"][0]["name"].is_string());
+    // As many as there are records.
+    assert!(answer["trajectory"].get("residuals").is_none());
     let batch = poses(folder, "batch/trajectory.csv");
     let whole = poses(folder, "replay/trajectory.csv");
     assert!(apart_m(&batch, &whole) < BOUND_M);

@@ -97,6 +97,7 @@ impl Input {
     ///
     /// # Errors
     /// Those of [`open`](Self::open); an excerpt.
+    #[cfg(feature = "parquet")]
     pub(crate) fn open_file(&self) -> Result<(File, u64)> {
         match self.open()? {
             (Stream::File(file), size) => Ok((file, size)),

@@ -146,19 +146,18 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
             answer_bytes: Some(answer_bytes).filter(|bytes| !bytes.is_nan()),
         });
     }
-    match (found.observations.len(), found.rejected.len()) {
-        (0, 0) => return Err(nothing_in(input.path(), "observation")),
-        (0, rejected) => {
-            let found = format!("{rejected} rows, none with a range and a time of the instrument");
-            let expected = "at least one observation";
-            return Err(Error::format(
-                input.path(),
-                Location::Whole,
-                found,
-                expected,
-            ));
+    // New rows of a log that grows may all lack a range.
+    if found.observations.is_empty() && !input.is_excerpt() {
+        let rejected = found.rejected.len();
+        if rejected == 0 {
+            return Err(nothing_in(input.path(), "observation"));
         }
-        _ => {}
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            format!("{rejected} rows, none with a range and a time of the instrument"),
+            "at least one observation",
+        ));
     }
     if counts_milliseconds(&found.observations) {
         for observation in &mut found.observations {
@@ -209,6 +208,16 @@ mod tests {
         1709200000.125,812.5,1.5707963267948966,1.5707963267948966,25.5,96,0,0\n\
         1709200000.225,812.6,1.58,1.5,0.0,96,0,1284\n\
         1709200000.325,812.7,6.25,1.5,25.0,95,0,1283\n";
+
+    #[test]
+    fn new_rows_of_a_log_that_grows_may_all_lack_a_range() {
+        let mut lines = EXPORT.lines();
+        let rows = [lines.next().unwrap(), lines.nth(1).unwrap(), ""].join("\n");
+        assert!(read_text(&rows).is_err());
+        let excerpt = Input::excerpt("rts.csv".as_ref(), rows.into_bytes());
+        let found = read_polar(&excerpt).unwrap();
+        assert_eq!((found.observations.len(), found.rejected.len()), (0, 1));
+    }
 
     fn read_text(text: &str) -> Result<RtsObservations> {
         let dir = tempfile::tempdir().unwrap();

@@ -10,6 +10,8 @@ use crate::format::input::Input;
 
 /// Bytes read at a time in search of the header of a table that is too long to read at once.
 const HEADER: u64 = 4096;
+/// Most bytes of a header with its comments; those of the known formats are hundreds of times shorter.
+const MOST_HEADER: usize = 1 << 20;
 
 /// A text table that grows. Its new rows, below its header, are an excerpt for the reader of its format, so that tables
 /// of all formats can be followed.
@@ -92,6 +94,14 @@ impl GrowingTable {
             self.read += bytes.len() as u64;
             let (lines, _) = self.lines.take(&bytes);
             self.split(&lines, &mut rows);
+            if !self.has_header && (self.header.len() + self.lines.begun().len()) > MOST_HEADER {
+                return Err(Error::format(
+                    &self.path,
+                    Location::Whole,
+                    format!("no row of a table in the first {} bytes", self.read),
+                    "a header and rows",
+                ));
+            }
         }
         if self.lines.begun().len() as u64 > self.most {
             self.pass_over(0);
@@ -157,5 +167,23 @@ impl GrowingTable {
     /// Whether a last line has begun and has no end.
     pub fn has_incomplete_line(&self) -> bool {
         !self.lines.begun().trim_ascii().is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_file_without_rows_is_refused_before_it_fills_the_memory() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        for text in ["# ", "# a comment\n"] {
+            fs::write(&path, text.repeat(MOST_HEADER)).unwrap();
+            let error = GrowingTable::new(&path, 1 << 16).new_rows().unwrap_err();
+            assert!(error.to_string().contains("no row of a table"), "{error}");
+        }
     }
 }

@@ -27,10 +27,15 @@ impl WholeLines {
             self.is_cut = end.is_none();
             dropped = end.map_or(bytes.len(), |at| at + 1);
         }
-        self.begun.extend_from_slice(&bytes[dropped..]);
-        let end = self.begun.iter().rposition(|byte| *byte == b'\n');
-        let rest = self.begun.split_off(end.map_or(0, |at| at + 1));
-        let lines = std::mem::replace(&mut self.begun, rest);
+        let bytes = &bytes[dropped..];
+        let end = bytes.iter().rposition(|byte| *byte == b'\n');
+        let (ended, rest) = bytes.split_at(end.map_or(0, |at| at + 1));
+        let mut lines = Vec::new();
+        if !ended.is_empty() {
+            lines = std::mem::take(&mut self.begun);
+            lines.extend_from_slice(ended);
+        }
+        self.begun.extend_from_slice(rest);
         (lines, dropped as u64)
     }
 
