@@ -2,7 +2,7 @@
 
 use super::inputs::size;
 use crate::error::Result;
-use crate::feed::{Feed, own_clock};
+use crate::feed::{Feed, log_clock};
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Record, RejectedRow};
@@ -38,13 +38,13 @@ impl DriveLogs {
         let all = positions.chain(heading).chain([&logs.imu.path]);
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
         let feed = Feed::new(project, logs);
-        let imu = feed.imu(&logs.imu.path, own_clock)?;
+        let imu = feed.imu(&logs.imu.path, log_clock)?;
         stage.advance(size(&logs.imu.path))?;
         let settings = feed.settings();
         let mut positions = Vec::with_capacity(logs.positions.len());
         let mut rejected = Vec::new();
         for (sensor, log) in logs.positions.iter().enumerate() {
-            let read = feed.positions(sensor, &log.path, own_clock)?;
+            let read = feed.positions(sensor, &log.path, log_clock)?;
             stage.advance(size(&log.path))?;
             let (fixes, rows) = (read.fixes, read.rejected);
             let name = &settings.positions[sensor].name;
@@ -54,7 +54,7 @@ impl DriveLogs {
         }
         let mut heading = Vec::new();
         if let Some(log) = &logs.heading {
-            heading = feed.heading(&log.path, own_clock)?;
+            heading = feed.heading(&log.path, log_clock)?;
             stage.advance(size(&log.path))?;
         }
         Ok(Self {
