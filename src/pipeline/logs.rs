@@ -111,9 +111,9 @@ mod tests {
     use std::sync::Mutex;
 
     #[derive(Default)]
-    struct Heard(Mutex<Vec<String>>);
+    struct Messages(Mutex<Vec<String>>);
 
-    impl Progress for Heard {
+    impl Progress for Messages {
         fn begin(&self, _stage: &str, _total: u64) {}
         fn advance(&self, _units: u64) {}
         fn end(&self) {}
@@ -157,8 +157,8 @@ mod tests {
         let Motion::Logs(logs) = &project.motion else {
             panic!("logs");
         };
-        let heard = Heard::default();
-        let read = DriveLogs::read(&project, logs, &heard).unwrap();
+        let messages = Messages::default();
+        let read = DriveLogs::read(&project, logs, &messages).unwrap();
         let motion = read.motion();
         assert_eq!(motion.imu[0].time_s, 11.0);
         assert_eq!(motion.heading[0].time_s, 14.0);
@@ -172,21 +172,21 @@ mod tests {
         let antenna = &motion.positions[1][0];
         assert_eq!((antenna.time_s, antenna.covariance_m2), (13.0, None));
         assert_eq!(antenna.position_m, Vec3::new(1.0, 2.0, 3.0));
-        // All rows are kept, the first of them listed.
+        // All rejected rows are in the result; only the first ones are listed in messages.
         assert_eq!(read.rejected.len(), 25);
         assert_eq!((read.rejected[0].line, read.rejected[0].time_s), (3, 9.0));
-        let heard = heard.0.into_inner().unwrap();
-        assert_eq!(heard.len(), 22);
+        let messages = messages.0.into_inner().unwrap();
+        assert_eq!(messages.len(), 22);
         assert!(
-            heard[19].ends_with("polar.csv, line 22, 9 s: zero range"),
+            messages[19].ends_with("polar.csv, line 22, 9 s: zero range"),
             "{}",
-            heard[19]
+            messages[19]
         );
-        assert_eq!(heard[20], "prism: rejected 5 more rows");
+        assert_eq!(messages[20], "prism: rejected 5 more rows");
         assert!(
-            heard[21].starts_with("warning: 25 of 26 rows of `prism` contain"),
+            messages[21].starts_with("warning: 25 of 26 rows of `prism` contain"),
             "{}",
-            heard[21]
+            messages[21]
         );
     }
 }
