@@ -60,8 +60,8 @@
 //!     HeadingSettings::aligned(0.7_f64.to_radians()),
 //! );
 //! let logs = MotionLogs { imu: &imu, positions: &[prism], heading: &headings };
-//! let found = estimate(&logs, &settings, &Silent)?;
-//! let world_from_body = found.trajectory.pose_at(30.0).expect("within the log");
+//! let estimate = estimate(&logs, &settings, &Silent)?;
+//! let world_from_body = estimate.trajectory.pose_at(30.0).expect("within the log");
 //! # let truth = drive.at(30.0).world_from_body;
 //! # assert!((world_from_body.translation_m - truth.translation_m).norm() < 0.01);
 //! # Ok::<(), boresight::Error>(())
@@ -127,11 +127,11 @@
 //! });
 //! let samples = thinned.collect::<Result<Vec<_>>>()?;
 //! let input = Input::new(mountings, &samples, &trajectory).with_reference(&reference);
-//! let found = calibrate(&input, &settings, &Silent)?;
-//! println!("{}", serde_json::to_string(&found.scanners())?); // with standard deviations
-//! # assert!(found.converged);
-//! # for (found, truth) in found.poses().iter().zip(&truth) {
-//! #     assert!((found.translation_m - truth.translation_m).norm() < 2e-3);
+//! let calibration = calibrate(&input, &settings, &Silent)?;
+//! println!("{}", serde_json::to_string(&calibration.scanners())?); // with standard deviations
+//! # assert!(calibration.converged);
+//! # for (pose, truth) in calibration.poses().iter().zip(&truth) {
+//! #     assert!((pose.translation_m - truth.translation_m).norm() < 2e-3);
 //! # }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -188,13 +188,13 @@
 //! | [`results`] | results of the stages, before they are judged or shown |
 //! | [`number`] | values as text: significant digits, lengths with their unit |
 //! | [`diagnostics`] | numbers on an adjusted trajectory: sigmas of poses, residuals, rejections |
-//! | [`judgement`] | results turned into verdicts, each once |
+//! | [`judgement`] | verdicts on results |
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
-//! | [`feed`] | records of a drive's logs, in common time and with the origin subtracted |
+//! | [`feed`] | the records of a drive in common time, with the origin subtracted |
 //! | [`pipeline`] | the stages in order |
 //! | [`campaign`] | many plots and dates as items, a pool of processes, index and page |
-//! | [`record`] | sensors while driving: total stations by GeoCOM, and what sends by itself; live pose, playing again |
+//! | [`record`] | sensors while driving: total stations by GeoCOM, sensors that send on their own; live pose, replay |
 //! | [`cli`] | the command line, one file per command |
 
 pub mod campaign;

@@ -13,7 +13,7 @@ use boresight::tiles::{self, limit_memory};
 use boresight::{Error, Result};
 use pyo3::prelude::*;
 
-use crate::drives::{Told, told};
+use crate::drives::{OutcomeParts, parts};
 use crate::errors::exception;
 use crate::work::run;
 
@@ -125,7 +125,7 @@ fn campaign_share(
     Ok((share.workers, share.threads, share.memory_mb))
 }
 
-/// Checks that an item with so many threads can begin with this memory.
+/// Checks that an item with this number of threads can start with this memory.
 #[pyfunction]
 fn campaign_check_memory(py: Python<'_>, memory_mb: u64, threads: usize) -> PyResult<()> {
     check_memory(memory_mb, threads).map_err(|error| exception(py, &error))
@@ -134,8 +134,8 @@ fn campaign_check_memory(py: Python<'_>, memory_mb: u64, threads: usize) -> PyRe
 /// The small text files that planning reads, relative to the campaign's folder.
 #[pyfunction]
 fn campaign_texts(py: Python<'_>, path: PathBuf, listing: Vec<String>) -> PyResult<Vec<String>> {
-    let found = || Campaign::read(&path)?.texts(&listing.into_iter().collect());
-    py.detach(found).map_err(|error| exception(py, &error))
+    let texts = || Campaign::read(&path)?.texts(&listing.into_iter().collect());
+    py.detach(texts).map_err(|error| exception(py, &error))
 }
 
 /// Hashes of the contents of files, kept in the folder of the results.
@@ -209,7 +209,7 @@ fn campaign_pool(
     };
     run(listener, Some(1), |progress| {
         let tally = pool.run(&items(&texts)?, &out, progress)?;
-        Ok((tally.done, tally.kept, tally.failed))
+        Ok((tally.done, tally.finished_before, tally.failed))
     })
 }
 
@@ -220,8 +220,8 @@ fn campaign_conclude(
     path: PathBuf,
     texts: Vec<String>,
     out: PathBuf,
-) -> PyResult<Told> {
+) -> PyResult<OutcomeParts> {
     let concluded = || conclude(&Campaign::read(&path)?, &items(&texts)?, &out);
     let outcome = py.detach(concluded);
-    outcome.map(told).map_err(|error| exception(py, &error))
+    outcome.map(parts).map_err(|error| exception(py, &error))
 }

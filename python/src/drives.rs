@@ -69,7 +69,7 @@ impl Smoothed {
             )));
         }
         let size = POSE * indices.len();
-        let found = py.detach(|| {
+        let covariance = py.detach(|| {
             let mut gradient = PoseGradient::new(size, nodes);
             for (at, &index) in indices.iter().enumerate() {
                 let mut block = vec![0.0; size * POSE];
@@ -80,13 +80,13 @@ impl Smoothed {
             }
             covariance.of_functional(&gradient).as_slice().to_vec()
         });
-        let array = PyArray1::from_vec(py, found).reshape([size, size])?;
+        let array = PyArray1::from_vec(py, covariance).reshape([size, size])?;
         Ok(Some(array))
     }
 }
 
 impl Smoothed {
-    /// Poses with the origin added back that was subtracted for the estimation.
+    /// Poses with the origin added back, which was subtracted for the estimation.
     fn new(
         mut poses: Vec<PoseRecord>,
         origin_m: Vec3,
@@ -131,15 +131,15 @@ fn smooth_project(
 ) -> PyResult<Smoothed> {
     run_on(listener, threads, |progress| {
         let project = read_project(&project)?;
-        let found = stages::poses(&project, progress);
-        let found = found.map_err(|error| error.within(&project.inputs()))?;
-        let poses = found.poses.trajectory.poses().to_vec();
-        let solution = found.poses.solution.as_ref();
+        let estimated = stages::poses(&project, progress);
+        let estimated = estimated.map_err(|error| error.within(&project.inputs()))?;
+        let poses = estimated.poses.trajectory.poses().to_vec();
+        let solution = estimated.poses.solution.as_ref();
         Ok(Smoothed::new(
             poses,
             project.origin_m,
             solution,
-            found.covariance,
+            estimated.covariance,
         ))
     })
 }
@@ -203,21 +203,21 @@ fn smooth_logs<'py>(
             positions: &[fixes],
             heading: &heading,
         };
-        let found = estimate(&logs, &all, progress)?;
-        let poses = found.trajectory.poses().to_vec();
+        let estimate = estimate(&logs, &all, progress)?;
+        let poses = estimate.trajectory.poses().to_vec();
         Ok(Smoothed::new(
             poses,
             origin_m,
-            Some(&found.solution),
-            Some(found.covariance),
+            Some(&estimate.solution),
+            Some(estimate.covariance),
         ))
     })
 }
 
 /// A result as JSON, its summary, and the files written.
-pub(crate) type Told = (String, String, Vec<PathBuf>);
+pub(crate) type OutcomeParts = (String, String, Vec<PathBuf>);
 
-pub(crate) fn told(outcome: Outcome) -> Told {
+pub(crate) fn parts(outcome: Outcome) -> OutcomeParts {
     (outcome.result.to_string(), outcome.summary, outcome.files)
 }
 
@@ -235,7 +235,7 @@ fn command(
     trajectory: Option<PathBuf>,
     listener: &Bound<'_, PyAny>,
     threads: Option<usize>,
-) -> PyResult<Told> {
+) -> PyResult<OutcomeParts> {
     let method = method.map(method_of).transpose()?;
     run_on(listener, threads, |progress| {
         let options = Options {
@@ -249,7 +249,7 @@ fn command(
             let placement = Placement::new(&project, calibration, trajectory)?;
             let placed = pipeline::georeference(&placement, &options, progress);
             return placed
-                .map(told)
+                .map(parts)
                 .map_err(|error| error.within(placement.inputs()));
         }
         let mut project = read_project(&project)?;
@@ -262,7 +262,7 @@ fn command(
             _ => pipeline::trajectory,
         };
         let done = stage(&project, &options, progress);
-        done.map(told)
+        done.map(parts)
             .map_err(|error| error.within(&project.inputs()))
     })
 }
@@ -292,7 +292,7 @@ fn simulate(
     force: bool,
     listener: &Bound<'_, PyAny>,
     threads: Option<usize>,
-) -> PyResult<Told> {
+) -> PyResult<OutcomeParts> {
     run_on(listener, threads, |progress| {
         if out.join("scenario.toml").exists() && !force {
             return Err(Error::format(
@@ -307,6 +307,6 @@ fn simulate(
             seed,
             fresh: false,
         };
-        pipeline::simulate(&scenario, &options, progress).map(told)
+        pipeline::simulate(&scenario, &options, progress).map(parts)
     })
 }

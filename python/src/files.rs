@@ -26,9 +26,9 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// The format of a file, in words, and the kinds of data that it may hold.
 #[pyfunction]
 fn detect(py: Python<'_>, path: PathBuf) -> PyResult<(String, Vec<&'static str>)> {
-    let found = py.detach(|| format::detect(&path));
-    let format = found.map_err(|error| crate::errors::exception(py, &error))?;
-    // Of latitudes and longitudes, which need `crs`.
+    let format = py.detach(|| format::detect(&path));
+    let format = format.map_err(|error| crate::errors::exception(py, &error))?;
+    // These may hold latitudes and longitudes, which need `crs`.
     let is_geographic = matches!(format.id(), "nmea" | "ros-bag");
     let kinds = [
         ("cloud", format.has_cloud()),
@@ -39,11 +39,11 @@ fn detect(py: Python<'_>, path: PathBuf) -> PyResult<(String, Vec<&'static str>)
         ("profiles", format.has_profiles()),
         ("mountings", format.id() == "project"),
     ];
-    let held = kinds.into_iter().filter(|kind| kind.1);
-    Ok((format.to_string(), held.map(|kind| kind.0).collect()))
+    let possible = kinds.into_iter().filter(|kind| kind.1);
+    Ok((format.to_string(), possible.map(|kind| kind.0).collect()))
 }
 
-/// What is read of a file beside its name.
+/// Settings with which a file is read.
 struct Reading {
     crs: Option<Projection>,
     axes: BodyAxes,
@@ -107,8 +107,8 @@ fn profiles(path: &Path, progress: &dyn Progress) -> Result<Vec<[f64; PROFILE]>>
 }
 
 fn projection(py: Python<'_>, crs: Option<&str>) -> PyResult<Option<Projection>> {
-    let found = crs.map(Projection::new).transpose();
-    found.map_err(|error| crate::errors::exception(py, &error))
+    let projection = crs.map(Projection::new).transpose();
+    projection.map_err(|error| crate::errors::exception(py, &error))
 }
 
 /// The rows of a log of this kind.
@@ -179,7 +179,7 @@ fn write(path: &Path, end: &str, log: &Log, crs: Option<&Projection>) -> Result<
         (_, end) if !matches!(end, "csv" | "parquet") => Err(Error::format(
             path,
             boresight::error::Location::Whole,
-            "a name with another end",
+            "a name with another extension",
             "a name that ends in .csv or .parquet, for a trajectory also .tum or .sbet",
         )),
         (Log::Poses(poses), _) => format::write_trajectory(path, poses),

@@ -66,28 +66,28 @@ fn features<'py>(
         .iter()
         .map(|name| {
             let mut all = Feature::ALL.into_iter();
-            let found = all.find(|feature| feature.name() == name);
-            found.ok_or_else(|| PyValueError::new_err(format!("there is no feature {name:?}")))
+            let feature = all.find(|feature| feature.name() == name);
+            feature.ok_or_else(|| PyValueError::new_err(format!("there is no feature {name:?}")))
         })
         .collect::<PyResult<Vec<Feature>>>()?;
-    let of = match radius_m {
+    let neighbourhood = match radius_m {
         Some(radius_m) => Neighbourhood::Within(radius_m),
         None => Neighbourhood::Nearest(neighbours),
     };
     let points = vectors(&points)?;
-    let found = run(listener, threads, |progress| {
+    let rows = run(listener, threads, |progress| {
         check_number(points)?;
         let stage = progress.stage("features", points.len() as u64);
         let index = NeighbourIndex::new(points);
         progress.check()?;
-        let rows = index.surroundings_of_all(&index, of, progress, |_, near| {
+        let rows = index.surroundings_of_all(&index, neighbourhood, progress, |_, near| {
             FeatureRow::of(near, &wanted).words
         });
         drop(stage);
         rows
     })?;
-    let shape = [found.len(), FEATURE_COLUMNS];
-    PyArray1::from_vec(listener.py(), found.into_flattened()).reshape(shape)
+    let shape = [rows.len(), FEATURE_COLUMNS];
+    PyArray1::from_vec(listener.py(), rows.into_flattened()).reshape(shape)
 }
 
 fn check_number(points: &[Vec3]) -> Result<()> {
@@ -127,13 +127,13 @@ fn thin<'py>(
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray1<u32>>> {
     let points = vectors(&points)?;
-    let kept = run(listener, threads, |progress| {
+    let indices = run(listener, threads, |progress| {
         check_number(points)?;
         check_finite(points, "the cloud")?;
         let _stage = progress.stage("thinning", points.len() as u64);
         Ok(voxel::thin(points, voxel_m))
     })?;
-    Ok(PyArray1::from_vec(listener.py(), kept))
+    Ok(PyArray1::from_vec(listener.py(), indices))
 }
 
 /// Settings of a comparison.
@@ -192,7 +192,7 @@ fn m3c2<'py>(
     let (reference, compared) = (vectors(&reference)?, vectors(&compared)?);
     let core = core.as_ref().map(vectors).transpose()?;
     let given = normals.as_ref().map(vectors).transpose()?;
-    let (found, statistics) = run(listener, threads, |progress| {
+    let (distances, statistics) = run(listener, threads, |progress| {
         check_number(reference)?;
         check_finite(reference, "the first epoch")?;
         check_number(compared)?;
@@ -215,8 +215,8 @@ fn m3c2<'py>(
         drop(stage);
         progress.check()?;
         let _stage = progress.stage("comparing the clouds (M3C2)", core.len() as u64);
-        let found = indexed.distances(core, normals, progress)?;
-        let statistics = match Statistics::of(&found) {
+        let distances = indexed.distances(core, normals, progress)?;
+        let statistics = match Statistics::of(&distances) {
             Ok(statistics) => Some(json!(statistics).to_string()),
             // Scripts for py4dgeo expect arrays of NaN.
             Err(error) => {
@@ -224,18 +224,19 @@ fn m3c2<'py>(
                 None
             }
         };
-        Ok((found, statistics))
+        Ok((distances, statistics))
     })?;
     let py = listener.py();
-    let core = &found.core;
-    let number = |of: fn(&CoreDistance) -> f64| {
-        PyArray1::from_vec(py, core.iter().map(of).collect::<Vec<f64>>())
+    let core = &distances.core;
+    let number = |value: fn(&CoreDistance) -> f64| {
+        PyArray1::from_vec(py, core.iter().map(value).collect::<Vec<f64>>())
     };
-    let count = |of: fn(&CoreDistance) -> u32| {
-        let counts = core.iter().map(|core| i64::from(of(core)));
+    let count = |value: fn(&CoreDistance) -> u32| {
+        let counts = core.iter().map(|core| i64::from(value(core)));
         PyArray1::from_vec(py, counts.collect::<Vec<i64>>())
     };
-    let vector = |of: fn(&CoreDistance) -> Vec3| from_vectors(py, core.iter().map(of).collect());
+    let vector =
+        |value: fn(&CoreDistance) -> Vec3| from_vectors(py, core.iter().map(value).collect());
     let arrays = PyDict::new(py);
     arrays.set_item("corepoints", vector(|core| core.point)?)?;
     arrays.set_item("normals", vector(|core| core.normal)?)?;

@@ -22,21 +22,21 @@ type Scanner = (String, [f64; 4], [f64; 3]);
 /// The mountings of a project or of a `calibration.toml`.
 #[pyfunction]
 fn read_mountings(path: PathBuf, listener: &Bound<'_, PyAny>) -> PyResult<Vec<Scanner>> {
-    let found = run(listener, Some(1), |progress| {
-        let found = project::mountings(&path)?;
-        if found.is_unusable {
+    let scanners = run(listener, Some(1), |progress| {
+        let mountings = project::mountings(&path)?;
+        if mountings.is_unusable {
             progress.warn("this calibration is marked as not usable");
         }
-        Ok(found.scanners)
+        Ok(mountings.scanners)
     })?;
-    let rows = found.into_iter().map(|(name, mounting)| {
+    let rows = scanners.into_iter().map(|(name, mounting)| {
         let rotation = mounting.rotation.coords.into();
         (name, rotation, mounting.translation_m.into())
     });
     Ok(rows.collect())
 }
 
-/// Writes mountings in the format that the end of the name asks for.
+/// Writes mountings in the format given by the end of the name.
 #[pyfunction]
 fn write_mountings(
     path: PathBuf,

@@ -1,5 +1,5 @@
-//! Work away from the interpreter: on a thread of its own, with the interpreter released, so that other threads
-//! of Python run, signals are seen, and progress is told by the thread that called.
+//! Work outside the interpreter: it runs on a separate thread with the interpreter released, so that other Python
+//! threads can run and signals are handled. The calling thread reports the progress.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -14,13 +14,13 @@ use pyo3::prelude::*;
 
 use crate::errors::exception;
 
-/// How often signals are looked for and progress is told.
+/// Interval between checks for signals and reports of the progress.
 const TICK: Duration = Duration::from_millis(50);
-/// That of a main thread: the library's own program works on one.
+/// Stack size of the working thread: that of a main thread, on which the program `boresight` works.
 const STACK_BYTES: usize = 8 << 20;
 
-/// What the listener is told.
-enum Said {
+/// A message to the listener.
+enum Message {
     Stage(String, u64, u64),
     Line(String),
     Warning(String),
@@ -29,18 +29,18 @@ enum Said {
 struct Stage {
     name: String,
     total: u64,
-    /// Units done of the stage around this one.
+    /// Units done of the enclosing stage.
     done_around: u64,
 }
 
 #[derive(Default)]
 struct State {
     stages: Vec<Stage>,
-    said: VecDeque<Said>,
+    messages: VecDeque<Message>,
     is_finished: bool,
 }
 
-/// What the working thread and the one that waits for it share.
+/// The state shared by the working thread and the thread that waits for it.
 #[derive(Default)]
 struct Shared {
     is_cancelled: AtomicBool,
@@ -55,18 +55,19 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits a tick or until the work ends; returns what was said since, and whether it has ended.
-    fn wait(&self) -> (VecDeque<Said>, bool) {
+    /// Waits for a tick or until the work ends; returns the messages since the last call, and whether the work has
+    /// ended.
+    fn wait(&self) -> (VecDeque<Message>, bool) {
         let waited = self
             .finished
             .wait_timeout_while(self.state(), TICK, |state| !state.is_finished);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        let mut said = std::mem::take(&mut state.said);
+        let mut messages = std::mem::take(&mut state.messages);
         if let Some(stage) = state.stages.last() {
             let done = self.done.load(Ordering::Relaxed);
-            said.push_back(Said::Stage(stage.name.clone(), done, stage.total));
+            messages.push_back(Message::Stage(stage.name.clone(), done, stage.total));
         }
-        (said, state.is_finished)
+        (messages, state.is_finished)
     }
 }
 
@@ -79,8 +80,8 @@ impl Progress for Shared {
             done_around: self.done.swap(0, Ordering::Relaxed),
         });
         state
-            .said
-            .push_back(Said::Stage(stage.to_owned(), 0, total));
+            .messages
+            .push_back(Message::Stage(stage.to_owned(), 0, total));
     }
 
     fn advance(&self, units: u64) {
@@ -92,18 +93,20 @@ impl Progress for Shared {
         if let Some(stage) = state.stages.pop() {
             let done = self.done.swap(stage.done_around, Ordering::Relaxed);
             state
-                .said
-                .push_back(Said::Stage(stage.name, done, stage.total));
+                .messages
+                .push_back(Message::Stage(stage.name, done, stage.total));
         }
     }
 
     fn say(&self, message: &str) {
-        self.state().said.push_back(Said::Line(message.to_owned()));
+        self.state()
+            .messages
+            .push_back(Message::Line(message.to_owned()));
     }
 
     fn warn(&self, message: &str) {
-        let warning = Said::Warning(message.to_owned());
-        self.state().said.push_back(warning);
+        let warning = Message::Warning(message.to_owned());
+        self.state().messages.push_back(warning);
     }
 
     fn is_cancelled(&self) -> bool {
@@ -111,7 +114,7 @@ impl Progress for Shared {
     }
 }
 
-/// Wakes the thread that waits, also when the work panics.
+/// Wakes the waiting thread, even if the work panics.
 struct Finish<'a>(&'a Shared);
 
 impl Drop for Finish<'_> {
@@ -141,9 +144,9 @@ pub(crate) fn run<T: Send>(
                 on_threads(threads, || work(&shared))
             })?;
         loop {
-            let (said, is_finished) = py.detach(|| shared.wait());
+            let (messages, is_finished) = py.detach(|| shared.wait());
             if raised.is_none()
-                && let Err(error) = py.check_signals().and_then(|()| tell(listener, said))
+                && let Err(error) = py.check_signals().and_then(|()| report(listener, messages))
             {
                 raised = Some(error);
                 shared.is_cancelled.store(true, Ordering::Relaxed);
@@ -160,12 +163,12 @@ pub(crate) fn run<T: Send>(
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(exception(py, &error)),
         Err(_) => Err(PyRuntimeError::new_err(
-            "a mistake in boresight, see the message above: please report it",
+            "a bug in boresight, see the message above: please report it",
         )),
     }
 }
 
-/// A pool for each call: threads do not survive the fork of a process, and a pool kept from before it would hang.
+/// Runs the work in a new pool, because threads do not survive the fork of a process: an older pool would hang.
 fn on_threads<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce() -> Result<T> + Send,
@@ -180,14 +183,15 @@ fn on_threads<T: Send>(
     pool.install(work)
 }
 
-fn tell(listener: &Bound<'_, PyAny>, said: VecDeque<Said>) -> PyResult<()> {
-    for item in said {
-        match item {
-            Said::Stage(name, done, total) => {
+/// Passes messages to the listener.
+fn report(listener: &Bound<'_, PyAny>, messages: VecDeque<Message>) -> PyResult<()> {
+    for message in messages {
+        match message {
+            Message::Stage(name, done, total) => {
                 listener.call_method1("stage", (name, done, total))?
             }
-            Said::Line(text) => listener.call_method1("say", (text,))?,
-            Said::Warning(text) => listener.call_method1("warn", (text,))?,
+            Message::Line(text) => listener.call_method1("say", (text,))?,
+            Message::Warning(text) => listener.call_method1("warn", (text,))?,
         };
     }
     Ok(())

@@ -81,7 +81,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
     if !overlaps.is_empty() {
         match Chart::new(&overlaps, &[], &ChartSettings::default()) {
             Ok(chart) => page.drift = Some(chart),
-            // All other items have their own pages.
+            // The other items do not depend on the drift watch.
             Err(error) => {
                 let watch = "drift watch".to_owned();
                 page.failures.push(line(watch, Failure::from(&error)));
@@ -104,7 +104,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
         fs::write(&path, text).map_err(|error| Error::io(&path, error))?;
     }
     staging.commit()?;
-    forget_failures(items, out)?;
+    remove_stale_failures(items, out)?;
     Ok(Outcome {
         result,
         summary: summary(&page, items),
@@ -114,7 +114,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
 }
 
 /// Removes the failures of all items that are not in the list.
-fn forget_failures(items: &[Item], out: &Path) -> Result<()> {
+fn remove_stale_failures(items: &[Item], out: &Path) -> Result<()> {
     let folder = out.join("failed");
     let Ok(entries) = fs::read_dir(&folder) else {
         return Ok(());
@@ -175,7 +175,7 @@ impl Document {
         };
         T::deserialize(part)
             .map(Some)
-            .map_err(|error| self.error(format!("no `{key}` that can be read ({error})")))
+            .map_err(|error| self.error(format!("an unreadable `{key}` ({error})")))
     }
 
     fn parts(&self) -> Result<Parts> {
@@ -191,12 +191,12 @@ impl Document {
             &self.path,
             Location::Whole,
             found,
-            "what an item has written",
+            "a result written by an item",
         )
     }
 }
 
-/// The parts of a result that the page needs, as far as its kind of item has them.
+/// The parts of a result that the page needs, if this kind of item has them.
 struct Parts {
     headline: Option<Headline>,
     tiles: Vec<Tile>,
@@ -214,7 +214,7 @@ fn document(path: PathBuf) -> Result<Option<Document>> {
         content: Value::Null,
     };
     document.content = serde_json::from_str(&text)
-        .map_err(|error| document.error(format!("no JSON ({error})")))?;
+        .map_err(|error| document.error(format!("invalid JSON ({error})")))?;
     Ok(Some(document))
 }
 
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn days_with_other_scanners_leave_the_rest_of_the_page() {
+    fn days_with_different_scanners_fail_only_the_drift_watch() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         let path = out.join("campaign.toml");
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_result_that_cannot_be_read_is_named() {
+    fn an_unreadable_result_is_a_failure_that_names_its_file() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         let path = out.join("campaign.toml");
@@ -399,7 +399,7 @@ mod tests {
         );
         let page = fs::read_to_string(out.join(PAGE)).unwrap();
         assert!(page.contains("Drift watch") && page.contains("between 2025-05-06 and 2025-05-07"));
-        // There is no drive to show the quality of.
+        // Without a drive there is no section on quality.
         assert!(!page.contains("id=\"quality\""));
     }
 }

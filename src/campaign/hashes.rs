@@ -26,53 +26,53 @@ struct Known {
 const FILE: &str = "hashes.json";
 
 /// Hashes of the files of a campaign's folder by their names. A file with the same size and time as in an earlier call
-/// is not read again; a file that cannot be read has no hash: the item that needs it reports the error.
+/// is not read again. A file that cannot be read has no hash; the item that needs it reports the error.
 ///
 /// # Errors
-/// The hashes cannot be kept; [`Error::Cancelled`].
+/// The hashes cannot be stored; [`Error::Cancelled`].
 pub fn hashes(
     files: &[String],
     root: &Path,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<BTreeMap<String, String>> {
-    let kept_in = out.join(FILE);
-    let stored = fs::read_to_string(&kept_in).ok();
+    let path = out.join(FILE);
+    let stored = fs::read_to_string(&path).ok();
     // A file that is not a list of hashes is replaced.
     let stored: BTreeMap<String, Known> = stored
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
-    let looks: Vec<_> = files
+    let listed: Vec<_> = files
         .iter()
-        .map(|file| (file, look(&root.join(file))))
+        .map(|file| (file, properties(&root.join(file))))
         .collect();
-    let as_before = |file: &String, (bytes, changed_ns): (u64, i128)| {
+    let unchanged = |file: &String, (bytes, changed_ns): (u64, i128)| {
         stored
             .get(file)
             .filter(|known| (known.bytes, known.changed_ns) == (bytes, changed_ns))
     };
-    let is_new = |(file, look): &&(&String, Option<(u64, i128)>)| {
-        look.is_some_and(|look| as_before(file, look).is_none())
+    let is_new = |(file, properties): &&(&String, Option<(u64, i128)>)| {
+        properties.is_some_and(|properties| unchanged(file, properties).is_none())
     };
-    let total = looks
+    let total = listed
         .iter()
         .filter(is_new)
         .map(|(file, _)| size(&root.join(file)))
         .sum();
     let stage = progress.stage("reading inputs", total);
-    let known = looks.par_iter().map(|(file, look)| {
-        let Some(look) = *look else {
+    let known = listed.par_iter().map(|(file, properties)| {
+        let Some(properties) = *properties else {
             return Ok(None);
         };
-        if let Some(known) = as_before(file, look) {
+        if let Some(known) = unchanged(file, properties) {
             return Ok(Some(((*file).clone(), known.clone())));
         }
         match hash_of(&root.join(file), &|bytes| stage.advance(bytes)) {
             Ok(hash) => Ok(Some((
                 (*file).clone(),
                 Known {
-                    bytes: look.0,
-                    changed_ns: look.1,
+                    bytes: properties.0,
+                    changed_ns: properties.1,
                     hash: format!("{hash:032x}"),
                 },
             ))),
@@ -87,7 +87,7 @@ pub fn hashes(
         .collect();
     drop(stage);
     let text = serde_json::to_string_pretty(&known).unwrap_or_default();
-    write_whole(&kept_in, (text + "\n").as_bytes())?;
+    write_whole(&path, (text + "\n").as_bytes())?;
     Ok(known
         .into_iter()
         .map(|(file, known)| (file, known.hash))
@@ -95,7 +95,7 @@ pub fn hashes(
 }
 
 /// Size and modification time of a file; `None` if it does not exist.
-fn look(path: &Path) -> Option<(u64, i128)> {
+fn properties(path: &Path) -> Option<(u64, i128)> {
     let metadata = path.metadata().ok().filter(fs::Metadata::is_file)?;
     let changed = metadata.modified().ok()?;
     let changed_ns = match changed.duration_since(SystemTime::UNIX_EPOCH) {
@@ -112,7 +112,7 @@ mod tests {
     use crate::progress::Silent;
 
     #[test]
-    fn files_are_read_again_where_they_have_changed() {
+    fn only_changed_files_are_read_again() {
         let folder = tempfile::tempdir().unwrap();
         let (root, out) = (folder.path(), folder.path().join("out"));
         fs::write(root.join("a"), "one").unwrap();

@@ -109,7 +109,7 @@ pub enum Task {
         /// Its mountings.
         mountings: MountingsFrom,
     },
-    /// None, because planning has shown that the item cannot be run.
+    /// No work, because planning has shown that the item cannot be run.
     Refused(Failure),
 }
 
@@ -210,7 +210,7 @@ impl Display for Item {
 
 /// The file that is written last to the folder of an item.
 pub const RESULT: &str = "result.json";
-/// A file beside it with time and memory, the only bytes that differ between runs.
+/// A file beside [`RESULT`] with time and memory, which are all that differs between runs.
 pub const WORK: &str = "work.json";
 
 /// The folder of the results of the item of this name.

@@ -26,11 +26,11 @@ impl Listing {
     /// A folder that cannot be read.
     pub fn of_folder(folder: &Path, without: &Path) -> Result<Self> {
         let mut listing = Self::default();
-        listing.look(folder, "", without, DEEPEST)?;
+        listing.add(folder, "", without, DEEPEST)?;
         Ok(listing)
     }
 
-    fn look(&mut self, folder: &Path, prefix: &str, without: &Path, depth: usize) -> Result<()> {
+    fn add(&mut self, folder: &Path, prefix: &str, without: &Path, depth: usize) -> Result<()> {
         let failed = |error| Error::io(folder, error);
         for entry in std::fs::read_dir(folder).map_err(failed)? {
             let entry = entry.map_err(failed)?;
@@ -43,7 +43,7 @@ impl Listing {
             if path.is_file() {
                 self.0.insert(relative);
             } else if path.is_dir() && depth > 0 && path != without {
-                self.look(&path, &format!("{relative}/"), without, depth - 1)?;
+                self.add(&path, &format!("{relative}/"), without, depth - 1)?;
             }
         }
         Ok(())
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn hidden_files_and_results_are_no_inputs() {
+    fn hidden_files_and_results_are_not_listed() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a/x.bin", ".hidden/y.bin", "out/z.bin", "a/.w"] {
             let path = folder.path().join(name);

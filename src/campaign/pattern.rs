@@ -12,11 +12,11 @@ pub struct Place {
 }
 
 impl Place {
-    /// Whether it applies to that plot and date; `None` applies to all of them.
+    /// Whether this place includes a plot and a date; a part that is `None` includes all.
     pub fn is_of(&self, plot: &str, date: &str) -> bool {
-        let same =
-            |own: &Option<String>, other: &str| own.as_deref().is_none_or(|own| own == other);
-        same(&self.plot, plot) && same(&self.date, date)
+        let includes =
+            |part: &Option<String>, name: &str| part.as_deref().is_none_or(|part| part == name);
+        includes(&self.plot, plot) && includes(&self.date, date)
     }
 }
 
@@ -65,7 +65,7 @@ impl Pattern {
                 _ => {
                     return Err((
                         format!("`{text}`"),
-                        "`{plot}`, `{date}` and `*` beside plain text",
+                        "`{plot}`, `{date}`, `*` and plain text",
                     ));
                 }
             };
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_pattern_leaves_open_holds_for_all() {
+    fn a_pattern_without_a_plot_includes_all_plots() {
         let place = Pattern::new("{date}.toml")
             .unwrap()
             .place_of("20250501.toml")

@@ -58,7 +58,7 @@ impl Draft {
     }
 }
 
-/// Paths that a pattern of the campaign may name, by plot and date.
+/// The paths that match a pattern of the campaign, with their plots and dates.
 struct Named<'a> {
     key: &'static str,
     pattern: &'a Pattern,
@@ -96,7 +96,7 @@ impl<'a> Named<'a> {
             )),
             (Some(first), Some(second)) => Err(Error::data(
                 format!(
-                    "{} and {} are both `{pattern}` for plot {plot} on {date}",
+                    "{} and {} both match `{pattern}` for plot {plot} on {date}",
                     first.1, second.1
                 ),
                 format!("remove one, or make `campaign.{}` narrower", self.key),
@@ -126,8 +126,8 @@ impl Campaign {
             return Err(Error::format(
                 &self.path,
                 Location::Whole,
-                format!("{outside} is not below the campaign's folder"),
-                "files below the folder of a campaign behind a URL",
+                format!("{outside}, which is not below the campaign's folder"),
+                "only files below the folder of the campaign, because it is read from a URL",
             ));
         }
         Ok(texts.into_iter().collect())
@@ -140,7 +140,10 @@ impl Campaign {
             return Err(Error::format(
                 &self.path,
                 Location::Whole,
-                format!("no file and no folder that is `{}`", self.drives.text()),
+                format!(
+                    "no file and no folder that matches `{}`",
+                    self.drives.text()
+                ),
                 "drives below the campaign's folder: see `campaign.drives`",
             ));
         }
@@ -150,8 +153,8 @@ impl Campaign {
             return Err(Error::format(
                 &self.path,
                 Location::Whole,
-                format!("{first} and {second}, which are one plot on one date"),
-                "one drive for each: make `campaign.drives` narrower",
+                format!("{first} and {second}, which are the same plot on the same date"),
+                "one drive per plot and date: make `campaign.drives` narrower",
             ));
         }
         Ok(drives)
@@ -259,7 +262,7 @@ impl Planner<'_> {
                     self.drafts.push(overlap.with_task(Ok(watched), root));
                 }
             }
-            // The error of the drive is reported once.
+            // The overlap is left out, so that the error is reported only once.
             Err(error) => self.drafts.push(drive.with_task(Err(error), root)),
         }
     }
@@ -276,7 +279,7 @@ impl Planner<'_> {
         self.drafts.push(draft);
     }
 
-    /// The source of the mountings of a drive; its draft then depends on it.
+    /// The source of the mountings of a drive, which is added to the inputs or needs of `draft`.
     fn mountings(&self, plot: &str, date: &str, draft: &mut Draft) -> Result<MountingsFrom> {
         if let Some(named) = &self.calibrated {
             let (place, _) = named.file(plot, date)?;
@@ -293,7 +296,7 @@ impl Planner<'_> {
         Ok(MountingsFrom::File(file.clone()))
     }
 
-    /// The project of a drive: its own, from the template, or made from the files of its folder.
+    /// The project of a drive: its project file, the template, or a project made from the files of its folder.
     fn project(&self, path: &str) -> Result<ProjectText> {
         if self.listing.has(path) {
             return self.written(path);
@@ -307,7 +310,10 @@ impl Planner<'_> {
         }
         let made = pipeline::init(&self.campaign.folder().join(path))?;
         if !made.missing.is_empty() {
-            let problem = format!("the files of {path} do not say {}", made.missing.join(", "));
+            let problem = format!(
+                "the files of {path} do not give {}",
+                made.missing.join(", ")
+            );
             let unread = made.unread.iter().map(|why| format!("; not read: {why}"));
             return Err(Error::of(
                 Problem::TooFew,

@@ -16,7 +16,7 @@ use crate::output::write_whole;
 use crate::progress::Progress;
 
 /// Interval between checks of a process.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL: Duration = Duration::from_millis(10);
 /// Time that a process has to clean up after it was asked to stop.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -40,7 +40,7 @@ pub struct Tally {
     /// Number of items done in this call.
     pub done: usize,
     /// Number of items finished in an earlier call.
-    pub kept: usize,
+    pub finished_before: usize,
     /// Number of items that failed in this call.
     pub failed: usize,
 }
@@ -85,7 +85,7 @@ impl Pool {
                 }
             })
             .collect();
-        let kept = states
+        let finished_before = states
             .iter()
             .filter(|state| **state == State::Finished)
             .count();
@@ -102,7 +102,7 @@ impl Pool {
             }),
             changed: Condvar::new(),
         };
-        let stage = progress.stage("items", (items.len() - kept) as u64);
+        let stage = progress.stage("items", (items.len() - finished_before) as u64);
         let ends: Vec<Result<()>> = thread::scope(|scope| {
             let workers: Vec<_> = (0..self.workers.max(1))
                 .map(|_| {
@@ -144,8 +144,8 @@ impl Pool {
                 .count()
         };
         Ok(Tally {
-            done: count(State::Finished) - kept,
-            kept,
+            done: count(State::Finished) - finished_before,
+            finished_before,
             failed: count(State::Failed),
         })
     }
@@ -209,7 +209,7 @@ impl Pool {
                 end(&mut child);
                 return Err(Error::Cancelled);
             }
-            thread::sleep(LOOK);
+            thread::sleep(POLL);
         };
         if status.success() && item.is_finished(out) {
             return Ok(None);
@@ -231,18 +231,18 @@ impl Pool {
                 .map(str::trim)
                 .filter(|line| !line.is_empty())
         };
-        // The messages about the end of the process follow the cause.
-        let lack = lines().find(|line| line.contains("memory allocation"));
+        // Messages about the end of the process come after its cause.
+        let out_of_memory = lines().find(|line| line.contains("memory allocation"));
         let last = lines().next_back().unwrap_or_default();
         let megabytes = self.memory_bytes / 1_000_000;
-        match lack {
-            Some(lack) => Failure {
-                problem: format!("out of memory: {megabytes} MB are not enough ({lack})"),
-                remedy: Some("give each item more with --memory-mb, or do fewer at a time with --workers".into()),
+        match out_of_memory {
+            Some(line) => Failure {
+                problem: format!("out of memory: {megabytes} MB are not enough ({line})"),
+                remedy: Some("give each item more with --memory-mb, or run fewer at a time with --workers".into()),
             },
             None => Failure {
                 problem: format!("its process ended: {status} {last}").trim_end().to_owned(),
-                remedy: Some("run the campaign again; if it repeats, this drive has met a fault of boresight".into()),
+                remedy: Some("run the campaign again; if this drive fails again, report it as a bug in boresight".into()),
             },
         }
     }
@@ -283,7 +283,7 @@ fn in_background(pipe: Option<impl Read + Send + 'static>) -> thread::JoinHandle
 fn end(child: &mut Child) {
     let asked = Instant::now();
     while asked.elapsed() < PATIENCE && matches!(child.try_wait(), Ok(None)) {
-        thread::sleep(LOOK);
+        thread::sleep(POLL);
     }
     // The process may have ended in the meantime.
     let _ = child.kill();
@@ -295,8 +295,8 @@ impl Shared<'_> {
         self.states.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the next item whose needs are all finished, or one with a need that failed; returns the item and that
-    /// need. Waits while the needs of others are running; `None` when no items are left.
+    /// Takes the next item of which all needed items are finished, or one of which a needed item failed; returns it
+    /// with that failed item. Waits while the needed items of others are running; `None` when no items are left.
     fn next(&self, progress: &dyn Progress) -> Result<Option<(usize, Option<usize>)>> {
         let mut states = self.lock();
         loop {
@@ -320,7 +320,7 @@ impl Shared<'_> {
         }
     }
 
-    /// An item that can be tried, with its need that failed, if any; `None` if it cannot be tried yet.
+    /// The item with this number and the needed item that failed, if any; `None` if it cannot be tried yet.
     fn candidate(&self, at: usize, states: &[State]) -> Option<(usize, Option<usize>)> {
         if states[at] != State::Waiting {
             return None;
@@ -334,7 +334,7 @@ impl Shared<'_> {
         }
     }
 
-    /// Leaves the waiting items undone.
+    /// Makes the pool end without running the waiting items.
     fn stop(&self) {
         let mut states = self.lock();
         let waiting = states.by_item.iter_mut();

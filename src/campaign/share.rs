@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 const SHARE: f64 = 0.9;
 /// Memory of an item if the system does not report the free memory, MB.
 const UNKNOWN_MB: u64 = 2000;
-/// Least memory of an item, MB, and least memory of each of its threads: with less, threads may fail to start and wait
-/// for each other.
+/// Smallest memory of an item and of each of its threads, MB: with less, threads may fail to start and wait for each
+/// other.
 const SMALLEST_MB: u64 = 16;
 const SMALLEST_THREAD_MB: u64 = 8;
 /// Least memory of an item for which another one is started, MB.
@@ -62,7 +62,7 @@ pub fn check_memory(memory_mb: u64, threads: usize) -> Result<()> {
     } else {
         Err(Error::data(
             format!("{memory_mb} MB for an item with {threads} threads"),
-            format!("give each item {least_mb} MB or more, or do fewer at a time"),
+            format!("give each item {least_mb} MB or more, or run fewer at a time"),
         ))
     }
 }
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn threads_and_memory_are_shared() {
-        let of = |free_mb: Option<u64>, workers, memory_mb| {
+        let share_of = |free_mb: Option<u64>, workers, memory_mb| {
             let free_bytes = free_mb.map(|free_mb| free_mb * 1_000_000);
             Share::of(8, free_bytes, workers, memory_mb).unwrap()
         };
@@ -82,12 +82,12 @@ mod tests {
             threads,
             memory_mb,
         };
-        assert_eq!(of(Some(100_000), None, None), share(8, 1, 11_250));
-        assert_eq!(of(Some(2000), None, None), share(3, 2, 600));
-        assert_eq!(of(Some(2000), None, Some(900)), share(2, 4, 900));
-        assert_eq!(of(Some(2000), Some(4), None), share(4, 2, 450));
-        assert_eq!(of(None, None, None), share(1, 8, 2000));
-        assert_eq!(of(Some(100), None, Some(200)), share(1, 8, 200));
+        assert_eq!(share_of(Some(100_000), None, None), share(8, 1, 11_250));
+        assert_eq!(share_of(Some(2000), None, None), share(3, 2, 600));
+        assert_eq!(share_of(Some(2000), None, Some(900)), share(2, 4, 900));
+        assert_eq!(share_of(Some(2000), Some(4), None), share(4, 2, 450));
+        assert_eq!(share_of(None, None, None), share(1, 8, 2000));
+        assert_eq!(share_of(Some(100), None, Some(200)), share(1, 8, 200));
         let error = check_memory(23, 1).unwrap_err().to_string();
         assert!(
             error.contains("23 MB for an item with 1 threads"),

@@ -20,7 +20,7 @@ use crate::verdict::Verdict;
 /// finished item is left unchanged. `memory_bytes` is the limit for stages that can work with less memory.
 ///
 /// # Errors
-/// Errors of the stages; an error that planning has found.
+/// Errors of the stages; for a refused item, the error that planning found.
 pub fn work(
     item: &Item,
     root: &Path,
@@ -137,7 +137,7 @@ fn check_inputs(item: &Item, root: &Path) -> Result<()> {
                     "{} has changed since the campaign was planned",
                     path.display()
                 ),
-                "run the campaign again: the changed drive is then another item",
+                "run the campaign again: the changed drive is then a new item",
             ));
         }
     }
@@ -148,13 +148,13 @@ fn check_inputs(item: &Item, root: &Path) -> Result<()> {
 pub fn clean(item: &Item, out: &Path) {
     let folder = item.folder(out);
     if folder.is_dir() && !item.is_finished(out) {
-        // Another process that runs the same item keeps its files; remaining files are removed by the next try.
+        // Another process that runs the same item keeps its files; remaining files are removed by the next attempt.
         drop(Staging::new(&folder, &[], &[] as &[&str]));
         let _ = fs::remove_dir(&folder);
     }
 }
 
-/// Removes the failure of an earlier try of the item.
+/// Removes the failure of an earlier attempt at the item.
 ///
 /// # Errors
 /// The file cannot be removed.

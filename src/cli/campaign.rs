@@ -14,9 +14,9 @@ use crate::pipeline::Outcome;
 use crate::progress::Progress;
 use crate::tiles::{free_bytes, limit_memory};
 
-/// Process many plots and dates: place points, tile clouds, compare with references and dates before
+/// Process many plots and dates: place points, tile clouds, compare with references and earlier dates
 ///
-/// Finished items are kept and not run again, however the last call ended. Exits with 1 if an item failed; the page
+/// Finished items are not run again, even if the last call was interrupted. Exits with 1 if an item failed; the page
 /// says which and why.
 #[derive(Debug, clap::Args)]
 pub(super) struct Campaign {
@@ -28,7 +28,7 @@ pub(super) struct Campaign {
     /// Items at the same time [default: one per core, as far as memory allows]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
-    /// Memory of each item; one that needs more fails [default: an even share of the free memory]
+    /// Memory of each item; an item that needs more fails [default: an even share of the free memory]
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
 }
@@ -57,7 +57,7 @@ impl Campaign {
             let mut outcome = conclude(&campaign, &items, &out)?;
             outcome.summary = format!(
                 "{} done, {} kept from before; {}",
-                tally.done, tally.kept, outcome.summary
+                tally.done, tally.finished_before, outcome.summary
             );
             Ok(outcome)
         })?;
@@ -84,7 +84,7 @@ impl Campaign {
     }
 }
 
-/// Does the item of a campaign that comes as JSON on standard input, and stops when that is closed
+/// Run an item of a campaign, given as JSON on standard input, and stop when the input is closed
 #[derive(Debug, clap::Args)]
 pub(super) struct CampaignItem {
     /// The campaign's folder
@@ -136,11 +136,11 @@ struct Parent {
 impl Parent {
     fn watch() -> Self {
         let is_gone = Arc::new(AtomicBool::new(false));
-        let seen = Arc::clone(&is_gone);
+        let set_when_gone = Arc::clone(&is_gone);
         std::thread::spawn(move || {
             // The parent sends nothing more, and the system closes its end of the pipe when it ends.
             let _ = std::io::stdin().read(&mut [0]);
-            seen.store(true, Ordering::Relaxed);
+            set_when_gone.store(true, Ordering::Relaxed);
         });
         Self { is_gone }
     }

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::geometry::{BodyAxes, Projection};
 use crate::pipeline::{self, Conversion, Outcome};
 
-/// Write a cloud, poses or mountings in the format of another program, which the end of OUTPUT names
+/// Write a cloud, poses or mountings in the format of another program, given by the extension of OUTPUT
 ///
 /// Clouds: .las, .laz, .copc.laz, .e57, .ply, .parquet, .csv. Poses: .tum, .sbet, .parquet, .csv. Mountings of a
 /// project or of calibration.toml: .urdf, .launch.py and .yaml (ROS 2), .json (PDAL).
@@ -20,14 +20,14 @@ pub(super) struct Convert {
     /// Projected system of the poses, for SBET: EPSG:25832 or +proj=…
     #[arg(long, value_name = "SYSTEM")]
     crs: Option<String>,
-    /// Axes of the body, FRD or FLU: of poses beside SBET [default: FRD], or of the mountings that are written
-    /// [default: the project's]
+    /// Axes of the body, FRD or FLU: for poses, on the side that is not SBET [default: FRD]; for mountings, in the
+    /// output [default: the project's]
     #[arg(long, value_name = "AXES", value_parser = axes)]
     axes: Option<BodyAxes>,
     /// Name of the body's frame in URDF and ROS [default: body]
     #[arg(long, value_name = "NAME")]
     body: Option<String>,
-    /// The scanner whose mounting goes into a pipeline of PDAL
+    /// The scanner whose mounting goes into a PDAL pipeline
     #[arg(long, value_name = "NAME")]
     scanner: Option<String>,
 }

@@ -29,7 +29,7 @@ impl Demo {
         context.logged(&self.out, &[], |options| {
             let page = options.out.join("report.html");
             self.watch.over(&context.terminal, &page, || {
-                let outcome = pipeline::demo(&self.repeat.of(options), &context.terminal)?;
+                let outcome = pipeline::demo(&self.repeat.apply_to(options), &context.terminal)?;
                 printer.print(&page, outcome)
             })
         })

@@ -12,9 +12,9 @@ use crate::project::Project;
 /// Write a commented project file for the logs and recordings of a folder
 #[derive(Debug, clap::Args)]
 pub(super) struct Init {
-    /// The folder of a drive, such as one of FieldPheno4D's
+    /// The folder of a drive, such as a drive of FieldPheno4D
     folder: PathBuf,
-    /// Replace the project file that is there
+    /// Replace an existing project file
     #[arg(long)]
     force: bool,
 }
@@ -27,7 +27,7 @@ impl Init {
                 &path,
                 Location::Whole,
                 "a project file",
-                "none yet, or --force to replace it",
+                "no project file yet, or --force to replace it",
             ));
         }
         let NewProject {
@@ -38,11 +38,11 @@ impl Init {
         write_whole(&path, text.as_bytes())?;
         let mut summary = match (missing.is_empty(), Project::read(&path)) {
             (false, _) => format!(
-                "Fill in what the files cannot tell: {}.",
+                "Fill in the values that the files do not give: {}.",
                 missing.join(", ")
             ),
             (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
-            (true, Err(error)) => format!("To be put right by hand: {error}"),
+            (true, Err(error)) => format!("To be corrected by hand: {error}"),
         };
         for error in &unread {
             summary += &format!("\nNot read: {error}");

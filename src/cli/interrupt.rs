@@ -23,7 +23,7 @@ pub(super) fn listen() {
         // The message is lost if the terminal is gone.
         let _ = writeln!(
             std::io::stderr(),
-            "\nstopping (again to end at once): results that are not complete are removed, recordings are kept"
+            "\nstopping (press again to end at once): incomplete results are removed, recordings are kept"
         );
     };
     // Without the handler, Ctrl-C ends the process as by default.

@@ -1,4 +1,4 @@
-//! Prints a page as PDF by a browser on this machine.
+//! Prints a page as PDF with a browser on this machine.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -33,7 +33,7 @@ const REMOVALS: usize = 40;
 /// Whether the page is also printed.
 #[derive(Debug, clap::Args)]
 pub(super) struct Pdf {
-    /// Print the page as PDF too, by a Chromium, Chrome or Edge on PATH, or the one that BORESIGHT_CHROMIUM names
+    /// Also print the page as PDF, with Chromium, Chrome or Edge on PATH, or the program named by BORESIGHT_CHROMIUM
     #[arg(long)]
     pdf: bool,
 }
@@ -96,7 +96,7 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
         return program.ok_or_else(|| {
             Error::data(
                 format!(
-                    "--pdf: {VARIABLE} names {}, which is no program",
+                    "--pdf: {VARIABLE} names {}, which is not a program",
                     named.display()
                 ),
                 "set it to the path of a Chromium, Chrome or Edge, or unset it",
@@ -106,7 +106,7 @@ fn find(named: Option<OsString>, path: OsString) -> Result<PathBuf> {
     let program = NAMES.iter().find_map(|name| on_path(Path::new(name)));
     program.ok_or_else(|| {
         Error::data(
-            format!("--pdf: no browser that prints; looked on PATH for {}", NAMES.join(", ")),
+            format!("--pdf: no browser that can print on PATH: none of {}", NAMES.join(", ")),
             format!("install one of them, or set {VARIABLE} to its path; or print the page from any browser"),
         )
     })
@@ -135,7 +135,7 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
     let folder = page.with_file_name(format!("printing-{}", std::process::id()));
     fs::create_dir_all(&folder).map_err(|error| Error::io(&folder, error))?;
     let workplace = Workplace(folder);
-    let (pdf, output) = (workplace.0.join("page.pdf"), workplace.0.join("said.txt"));
+    let (pdf, output) = (workplace.0.join("page.pdf"), workplace.0.join("stderr.txt"));
     let output_file = File::create(&output).map_err(|error| Error::io(&output, error))?;
     let mut child = Command::new(program)
         .args(arguments(&workplace.0, &pdf, &page))
@@ -174,10 +174,12 @@ fn printed(program: &Path, page: &Path) -> Result<Vec<u8>> {
     let output = fs::read(&output).unwrap_or_default();
     let output = String::from_utf8_lossy(&output);
     let last = output.lines().rfind(|line| !line.trim().is_empty());
-    let last = last.map_or(String::new(), |line| format!("; it said: {}", line.trim()));
+    let last = last.map_or(String::new(), |line| {
+        format!("; its last message: {}", line.trim())
+    });
     Err(Error::data(
         format!("{}: {} {how}{last}", page.display(), program.display()),
-        format!("the page itself is there; name another browser with {VARIABLE}"),
+        format!("the page itself was written; use another browser with {VARIABLE}"),
     ))
 }
 
@@ -256,7 +258,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_looked_for_is_said() {
+    fn the_error_names_the_programs_that_were_searched() {
         let folder = tempfile::tempdir().unwrap();
         let path = || folder.path().as_os_str().to_owned();
         let error = find(None, path()).unwrap_err().to_string();
@@ -286,13 +288,13 @@ mod tests {
     }
 
     #[test]
-    fn addresses_hold_any_path() {
+    fn any_path_becomes_a_valid_address() {
         let url = file_url(Path::new("/a b/50 %/grün#1.html"));
         assert_eq!(url, "file:///a%20b/50%20%25/gr%C3%BCn%231.html");
     }
 
     #[test]
-    fn half_a_pdf_is_none() {
+    fn an_incomplete_pdf_is_recognised() {
         assert!(is_whole(b"%PDF-1.4 ... %%EOF\n"));
         for bytes in [&b""[..], b"%PDF-1.4 ...", b"... %%EOF", b"<html>"] {
             assert!(!is_whole(bytes));

@@ -14,17 +14,16 @@ const LEAST_WIDTH_M: f64 = 0.2;
 const MOST_WIDTH_M: f64 = 10.0;
 /// Thickness of a section, as a share of its width.
 const THICKNESS: f64 = 0.02;
-/// The extent of the clouds is that of one point in this many, without a share of `TAIL` at either end.
+/// The extent of the clouds is computed from one point in this many, without a share of `TAIL` at either end.
 const EACH: usize = 101;
 const TAIL: f64 = 0.05;
-/// Fewest points by which a cell counts as covered by a cloud.
+/// Smallest number of points with which a cloud covers a cell.
 const LEAST_POINTS: u32 = 20;
 /// Standard deviation of heights that a section shows, as a share of its width.
 const SPREAD_SHARE: f64 = 0.12;
 /// Edge of the square that shows a point, pixels.
 const DOT: usize = 2;
-/// Colours that are distinct for colour-blind readers, too (Okabe and Ito); the last cloud is black if it is the
-/// reference.
+/// Colours that colour-blind readers can also tell apart (Okabe and Ito); the reference is black.
 const COLOURS: [[u8; 3]; 6] = [
     [0, 114, 178],
     [230, 159, 0],
@@ -148,7 +147,7 @@ impl Place {
         THICKNESS * self.width_m
     }
 
-    /// Its pixels: red, green and blue.
+    /// The pixels of the section: red, green and blue.
     fn drawn(self, colours: &[[u8; 3]], points: &EachPoint<'_>) -> Vec<u8> {
         let mut pixels = vec![255; 3 * WIDTH * HEIGHT];
         let per_m = WIDTH as f64 / self.width_m;
@@ -200,8 +199,8 @@ impl Cell {
         self.sum / self.points().max(1.0)
     }
 
-    /// Number of clouds that cover the cell, and the spread of the heights, as long as a section of this width shows
-    /// all of them.
+    /// Number of clouds that cover the cell, and the spread of its heights, which counts less if it is too large for a
+    /// section of this width.
     fn rank(&self, width_m: f64) -> (usize, f64) {
         let seen = self.counts.iter().filter(|count| **count >= LEAST_POINTS);
         let variance = self.squares / self.points().max(1.0) - self.mean().powi(2);

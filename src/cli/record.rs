@@ -9,7 +9,7 @@ use super::context::Context;
 use super::interrupt;
 use crate::error::{Error, Result};
 use crate::pipeline::Outcome;
-use crate::record::{Clock, Field, LiveView, Room, Seen, View, folder_for, record};
+use crate::record::{Clock, Field, LiveView, Room, SourceState, View, folder_for, record};
 
 /// Record the sensors of a field.toml while driving, until Ctrl-C
 #[derive(Debug, clap::Args)]
@@ -19,10 +19,10 @@ pub(super) struct Record {
     /// Folder of the recording, a new one [default: one named by date and time, beside the description]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Only look for some seconds whether every sensor sends, and keep nothing
+    /// Only test for some seconds whether every sensor sends, and keep nothing
     #[arg(long, conflicts_with = "out")]
     check: bool,
-    /// Stop after so many seconds
+    /// Stop after this many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = super::values::positive_seconds)]
     duration: Option<std::time::Duration>,
 }
@@ -60,10 +60,10 @@ impl Record {
         ended?;
         let sources = last.map_or(Vec::new(), |view| view.sources);
         if self.check {
-            let missing = sources.iter().filter(|(_, seen)| seen.records == 0);
+            let missing = sources.iter().filter(|(_, source)| source.records == 0);
             let missing: Vec<String> = missing
-                .map(|(name, seen)| {
-                    let why = seen
+                .map(|(name, source)| {
+                    let why = source
                         .error
                         .clone()
                         .unwrap_or_else(|| "it sends nothing".into());
@@ -90,16 +90,21 @@ impl Record {
 }
 
 /// A line per source.
-pub(super) fn summary_of(sources: &[(String, Seen)]) -> String {
-    let lines = sources.iter().map(|(name, seen)| line(name, seen));
+pub(super) fn summary_of(sources: &[(String, SourceState)]) -> String {
+    let lines = sources
+        .iter()
+        .map(|(name, source)| source_line(name, source));
     lines.collect::<Vec<_>>().join("\n")
 }
 
 /// The number of records of each source.
-pub(super) fn records_of(sources: &[(String, Seen)]) -> Map<String, Value> {
-    let records = sources.iter().map(|(name, seen)| {
-        let counts =
-            json!({ "records": seen.records, "bytes": seen.bytes, "damaged_bytes": seen.damaged });
+pub(super) fn records_of(sources: &[(String, SourceState)]) -> Map<String, Value> {
+    let records = sources.iter().map(|(name, source)| {
+        let counts = json!({
+            "records": source.records,
+            "bytes": source.bytes,
+            "damaged_bytes": source.damaged,
+        });
         (name.clone(), counts)
     });
     records.collect()
@@ -132,7 +137,7 @@ impl Screen {
         let is_silent: Vec<bool> = view
             .sources
             .iter()
-            .map(|(_, seen)| seen.is_silent)
+            .map(|(_, source)| source.is_silent)
             .collect();
         let stopped = is_silent
             .iter()
@@ -149,7 +154,7 @@ impl Screen {
         let mut lines: Vec<String> = view
             .sources
             .iter()
-            .map(|(name, seen)| line(name, seen))
+            .map(|(name, source)| source_line(name, source))
             .collect();
         lines.push(clock_line(view));
         lines.extend(view.room.as_ref().map(disk_line));
@@ -174,34 +179,34 @@ impl Screen {
 }
 
 /// The status of a source in a line.
-fn line(name: &str, seen: &Seen) -> String {
-    let state = match (&seen.error, seen.is_open, seen.is_silent) {
+fn source_line(name: &str, source: &SourceState) -> String {
+    let state = match (&source.error, source.is_open, source.is_silent) {
         (Some(error), false, _) => format!("CLOSED {error}"),
         (None, false, _) => "opening".to_owned(),
         (_, true, true) => "SILENT".to_owned(),
         (_, true, false) => "ok".to_owned(),
     };
-    let age = seen
+    let age = source
         .age_s
         .map_or("-".to_owned(), |age| format!("{age:.1} s"));
-    let again = match seen.reopened {
+    let again = match source.reopened {
         0 => String::new(),
         times => format!(", opened again {times} times"),
     };
-    let damaged = match seen.damaged {
+    let damaged = match source.damaged {
         0 => String::new(),
         bytes => format!(", {bytes} damaged bytes"),
     };
-    let word = if seen.word.is_empty() {
+    let sensor_status = if source.sensor_status.is_empty() {
         String::new()
     } else {
-        format!(", {}", seen.word)
+        format!(", {}", source.sensor_status)
     };
     format!(
-        "{name:<12} {:7.1} Hz  last {age:>7} ago  {:>9} records  {:8.1} MB  {state}{word}{again}{damaged}",
-        seen.rate_hz,
-        seen.records,
-        1e-6 * seen.bytes as f64
+        "{name:<12} {:7.1} Hz  last {age:>7} ago  {:>9} records  {:8.1} MB  {state}{sensor_status}{again}{damaged}",
+        source.rate_hz,
+        source.records,
+        1e-6 * source.bytes as f64
     )
 }
 
@@ -210,8 +215,8 @@ fn clock_line(view: &View) -> String {
         .set_s
         .map_or(String::new(), |set_s| format!("  WAS SET by {set_s:+.3} s"));
     let state = match &view.clock {
-        None => "chrony does not answer: nobody says how right it is".to_owned(),
-        Some(clock) if !clock.is_locked => "FOLLOWS NOTHING".to_owned(),
+        None => "chrony does not answer: its accuracy is unknown".to_owned(),
+        Some(clock) if !clock.is_locked => "NOT SYNCHRONISED".to_owned(),
         Some(clock) => format!(
             "follows {}, off by {:.1} µs (rms {:.1} µs)",
             clock.reference,
@@ -242,16 +247,19 @@ fn live_lines(live: &LiveView, common_s: f64) -> Vec<String> {
         }
     };
     let mut lines = vec![format!("{:<12} {pose}", "pose")];
-    for seen in &live.boards {
-        let by = seen
-            .by
+    for board in &live.boards {
+        let courses = board
+            .courses
             .iter()
             .map(|(scanner, courses)| match courses.len() {
                 0 => format!("{scanner} not yet"),
                 _ => format!("{scanner} on course {}", courses.join(" ")),
             });
-        let by = by.collect::<Vec<_>>().join(", ");
-        lines.push(format!("{:<12} {by}", format!("board {}", seen.board)));
+        let courses = courses.collect::<Vec<_>>().join(", ");
+        lines.push(format!(
+            "{:<12} {courses}",
+            format!("board {}", board.board)
+        ));
     }
     lines
 }

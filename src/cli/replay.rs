@@ -11,12 +11,12 @@ use crate::error::Result;
 use crate::pipeline::Outcome;
 use crate::record::{Player, record};
 
-/// Play a recording: send its data again over sockets as the sensors did, and record it as while driving
+/// Replay a recording: send its data over sockets as the sensors did, and record them as while driving
 #[derive(Debug, clap::Args)]
 pub(super) struct Replay {
     /// The folder of the recording
     folder: PathBuf,
-    /// Play this many times as fast
+    /// Replay this many times as fast
     #[arg(long, value_name = "FACTOR", default_value = "1", value_parser = speed)]
     speed: f64,
     /// Folder of the new recording [default: nothing is kept]

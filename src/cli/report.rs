@@ -9,8 +9,8 @@ use crate::pipeline::{self, Outcome};
 
 /// Write the page of a run again, without computing
 ///
-/// The page is made of what the run kept in `report.kept`. Settings that concern nothing but the page are
-/// read anew from the project, if it is still there.
+/// The page is made from `report.kept`, in which the run keeps its content. Settings that concern only the page are
+/// read from the project again, if it still exists.
 #[derive(Debug, clap::Args)]
 pub(super) struct Report {
     /// The folder with the results of `run` or `demo`

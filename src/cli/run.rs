@@ -22,14 +22,14 @@ pub(super) struct Run {
 /// Whether stages are run again.
 #[derive(Debug, clap::Args)]
 pub(super) struct Repeat {
-    /// Run all stages again, also those that an earlier run with this folder finished from the same inputs
+    /// Run all stages again, even those that an earlier run with this folder finished from the same inputs
     #[arg(long)]
     fresh: bool,
 }
 
 impl Repeat {
     /// The options with this setting.
-    pub fn of(&self, options: &Options) -> Options {
+    pub fn apply_to(&self, options: &Options) -> Options {
         Options {
             fresh: self.fresh,
             ..options.clone()
@@ -43,7 +43,7 @@ impl Run {
         context.with_project(&self.on, |project, options, progress| {
             let page = options.out.join("report.html");
             self.watch.over(&context.terminal, &page, || {
-                let outcome = pipeline::run(project, &self.repeat.of(options), progress)?;
+                let outcome = pipeline::run(project, &self.repeat.apply_to(options), progress)?;
                 printer.print(&page, outcome)
             })
         })

@@ -28,14 +28,14 @@ impl Salvage {
             Some(name) => Ok(name.to_string_lossy().into_owned()),
             None => Err(Error::data(
                 format!("{} has no name", file.display()),
-                "give a file",
+                "give the path of a file",
             )),
         };
         let names = self.files.iter().map(name).collect::<Result<Vec<_>>>()?;
         let mut seen = BTreeSet::new();
         if let Some(twice) = names.iter().find(|name| !seen.insert(name.to_lowercase())) {
             return Err(Error::data(
-                format!("two files are called {twice}, and so would be their copies"),
+                format!("two files are called {twice}, and their copies would have the same name"),
                 "salvage them into different folders",
             ));
         }
@@ -48,7 +48,7 @@ impl Salvage {
                 rows => format!("rows, {rows} left out"),
             };
             lines.push(match salvaged.first_byte {
-                None => format!("{}: whole, {} kept", file.display(), salvaged.kept),
+                None => format!("{}: undamaged, {} kept", file.display(), salvaged.kept),
                 Some(byte) => format!(
                     "{}: kept {} {what}; {} bytes left out in {} places, the first at byte {byte}",
                     file.display(),

@@ -307,7 +307,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_comes_each_ten_seconds_and_not_beside_others() {
+    fn a_progress_line_appears_after_ten_seconds_without_other_lines() {
         let mut tracker = Tracker::default();
         let mut shown_s = 0.0;
         let mut lines = Vec::new();
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn the_log_keeps_everything_in_order_even_when_quiet() {
+    fn the_log_has_all_lines_in_order_even_when_quiet() {
         let terminal = Terminal::new(true, false);
         terminal.begin("outer", 10);
         terminal.begin("inner", 0);

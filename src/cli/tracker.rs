@@ -4,7 +4,7 @@
 
 /// Time after which the rate of a stage is certain enough to estimate the remaining time, seconds.
 const RATE_KNOWN_AFTER_S: f64 = 2.0;
-/// Smallest share of an estimate that is shown while there is no news of its stage.
+/// Smallest share of an estimate to which the displayed time falls while its stage reports no progress.
 const LEAST_LEFT: f64 = 0.1;
 /// The remaining time is shown to rise only if it is longer by more than this factor and by more than this number of
 /// seconds: smaller changes are noise.
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_that_takes_much_longer_is_said() {
+    fn the_time_left_rises_if_a_stage_becomes_much_slower() {
         // Half of the units take 10 s, the other half 100 s.
         let fast = (1..=50).map(|i| 0.2 * f64::from(i));
         let slow = (1..=50).map(|i| 10.0 + 2.0 * f64::from(i));
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_unsaid_and_nothing_is_guessed() {
+    fn a_line_shows_the_progress_that_is_known() {
         let mut tracker = Tracker::default();
         assert_eq!(line(&tracker.shown(1.0)), None);
         tracker.begin("evaluate drive-2", 0, 0.0);

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::calibrated::{self, Calibrated};
+use super::calibration_drive::CalibrationDrive;
 use super::clouds::Mounted;
 use super::findings::{Extras, Findings, KeptStages};
 use super::finished::Finished;
@@ -10,7 +11,6 @@ use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::{Key, Keys};
 use super::outcome::Options;
-use super::own::Own;
 use super::stages::EstimatedPoses;
 use super::{clouds, drives, kept_page, page, result, stages};
 use crate::calibration::{Calibration, CalibrationSettings, Method, Variant};
@@ -55,25 +55,30 @@ pub fn analyse(
     let files = inputs.files();
     let finished = Finished::beside(&options.out, inputs, options.fresh);
     let mut job = job.with_finished(finished);
-    let mut own = Own::new(project);
+    let mut calibration_drive = CalibrationDrive::new(project);
 
-    let (poses, mut calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
-    let variants = calibrate_variants(&calibrated, extras, &own, &keys, &mut job)?;
+    let (poses, mut calibrated) = Calibrated::run(project, &calibration_drive, &keys, &mut job)?;
+    let variants = calibrate_variants(&calibrated, extras, &calibration_drive, &keys, &mut job)?;
     calibrated.variants.extend(variants);
-    own.forget_poses_and_samples();
+    calibration_drive.drop_poses_and_samples();
     let rig = calibrated.resulting_rig();
     let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
     let mounted = Mounted {
         rig: &rig,
         bending: &adjusted.bending,
     };
-    let mut kept = None;
+    let mut samples = None;
     let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
     job.once_writing("georeference", &cloud_names, &keys.joint, |progress| {
         let open = clouds::into_files(&cloud_paths, project.origin_m);
         let trajectory = &adjusted.trajectory;
-        let points = clouds::stream(project, trajectory, mounted, Some(&*open), progress)?;
-        kept = Some(points);
+        samples = Some(clouds::stream(
+            project,
+            trajectory,
+            mounted,
+            Some(&*open),
+            progress,
+        )?);
         Ok(())
     })?;
     let mountings = calibrated.mountings(extras.truth.as_ref());
@@ -84,13 +89,13 @@ pub fn analyse(
         calibration: &calibrated.result,
         keys: &keys,
     };
-    let shown = compared.all((poses, adjusted, kept), &own, &mut job)?;
-    let (drives, scenes): (Vec<_>, Vec<_>) = shown.into_iter().unzip();
+    let drives = compared.all((poses, adjusted, samples), &calibration_drive, &mut job)?;
+    let (drives, scenes): (Vec<_>, Vec<_>) = drives.into_iter().unzip();
     let mut findings = calibrated.findings(mountings, drives, &mut job);
     findings.scenes = scenes;
     findings.files = files;
     write(project, &findings, extras, &job)?;
-    findings.kept = job.commit()?.map(|finished| KeptStages {
+    findings.kept_stages = job.commit()?.map(|finished| KeptStages {
         folder: finished.folder().to_owned(),
         bytes: finished.bytes(),
         reused: finished.reused().to_vec(),
@@ -98,11 +103,12 @@ pub fn analyse(
     Ok(findings)
 }
 
-/// Calibrates the same drive under all other conditions that `extras` and the reference allow.
+/// Calibrates the same drive under the other conditions: without the reference, with the true poses and by the paper's
+/// method, as far as `extras` and the reference allow.
 fn calibrate_variants(
     calibrated: &Calibrated<'_>,
     extras: &Extras,
-    own: &Own<'_>,
+    drive: &CalibrationDrive<'_>,
     keys: &Keys,
     job: &mut Job<'_>,
 ) -> Result<Vec<(Variant, Calibration)>> {
@@ -124,7 +130,7 @@ fn calibrate_variants(
     let mut variants = Vec::new();
     if project.reference.is_some() {
         let calibration = calibrate("calibrate without reference", key, &|progress| {
-            let (poses, samples) = (own.poses(progress)?, own.samples(rig, progress)?);
+            let (poses, samples) = (drive.poses(progress)?, drive.samples(rig, progress)?);
             stages::calibration(project, begin, &settings, poses, samples, &[], progress)
         });
         variants.push((Variant::WithoutReference, calibration?));
@@ -134,7 +140,7 @@ fn calibrate_variants(
         let calibration = calibrate("calibrate with exact poses", &key, &|progress| {
             let exact = EstimatedPoses::from_file(truth.trajectory.clone());
             let samples = stages::samples(project, &start.rig, exact.trajectory(), progress)?;
-            let reference = own.reference(progress)?;
+            let reference = drive.reference(progress)?;
             stages::calibration(
                 project, begin, &settings, &exact, &samples, reference, progress,
             )
@@ -150,8 +156,8 @@ fn calibrate_variants(
         };
         let key = key.clone().with(&paper);
         let calibration = calibrate("calibrate as the paper", &key, &|progress| {
-            let (poses, samples) = (own.poses(progress)?, own.samples(rig, progress)?);
-            let reference = own.reference(progress)?;
+            let (poses, samples) = (drive.poses(progress)?, drive.samples(rig, progress)?);
+            let reference = drive.reference(progress)?;
             stages::calibration(project, begin, &paper, poses, samples, reference, progress)
         });
         variants.push((Variant::Paper, calibration?));
@@ -161,9 +167,9 @@ fn calibrate_variants(
 
 /// Writes all results except the clouds, which are already staged.
 fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>) -> Result<()> {
-    if let Some(own) = findings.drives.first() {
+    if let Some(drive) = findings.drives.first() {
         let path = job.path("trajectory.csv");
-        stages::write_trajectory(&path, &own.poses, &project.origin_m)?;
+        stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
     }
     calibrated::write(project, findings, job)?;
     let scales = &findings.rig.voxel_sizes_m;

@@ -1,9 +1,9 @@
-//! A project's own drive, calibrated: the stages from the reference to the joint adjustment.
+//! The calibration of a project's drive: the stages from the reference to the joint adjustment.
 
+use super::calibration_drive::CalibrationDrive;
 use super::findings::{Findings, Truth};
 use super::job::Job;
 use super::keys::Keys;
-use super::own::Own;
 use super::rig::Rig;
 use super::start::{self, Start};
 use super::{drives, joint, mounting, page, result, stages};
@@ -31,39 +31,39 @@ pub struct Calibrated<'a> {
     pub start: Start,
     /// The calibration that gives the result.
     pub result: Calibration,
-    /// Other calibrations of the same drive: that in two steps, if it is not the result.
+    /// Other calibrations of the same drive, such as the one in two steps if it is not the result.
     pub variants: Vec<(Variant, Calibration)>,
     /// The joint adjustment, if the project asks for it.
     pub joint: Option<JointReport>,
 }
 
 impl<'a> Calibrated<'a> {
-    /// Runs the stages on the project's own drive; returns its poses before the adjustment, too.
+    /// Runs the stages on the calibration drive; also returns its poses before the joint adjustment.
     ///
     /// # Errors
     /// The first error of any stage.
-    pub fn find(
+    pub fn run(
         project: &'a Project,
-        own: &Own<'_>,
+        drive: &CalibrationDrive<'_>,
         keys: &Keys,
         job: &mut Job<'_>,
     ) -> Result<(stages::Poses, Self)> {
         let background_m = job.once("reference", &keys.reference, |progress| {
-            Ok(thinned_for_drawing(own.reference(progress)?))
+            Ok(thinned_for_drawing(drive.reference(progress)?))
         })?;
         let poses = job.once("trajectory", &keys.poses, |progress| {
-            Ok(own.poses(progress)?.poses.clone())
+            Ok(drive.poses(progress)?.poses.clone())
         })?;
         let rig = job.once("sample", &keys.calibration, |progress| {
             let initial = Rig::new(project);
             let rig = start::with_scales(project, &initial, &poses.trajectory, progress)?;
-            let samples = own.samples(&rig, progress)?;
-            stages::check_reference(project, &rig, samples, own.reference(progress)?)?;
+            let samples = drive.samples(&rig, progress)?;
+            stages::check_reference(project, &rig, samples, drive.reference(progress)?)?;
             Ok(rig)
         })?;
         let start = job.once("check placement", &keys.calibration, |progress| {
-            let samples = own.samples(&rig, progress)?;
-            let reference = own.reference(progress)?;
+            let samples = drive.samples(&rig, progress)?;
+            let reference = drive.reference(progress)?;
             let trajectory = &poses.trajectory;
             Ok(start::start(
                 project, &rig, trajectory, samples, reference, progress,
@@ -71,32 +71,32 @@ impl<'a> Calibrated<'a> {
         })?;
         let two_steps = job.once("calibrate", &keys.calibration, |progress| {
             let (begin, settings) = (&start.rig.mountings, start.rig.settings(project));
-            let (poses, samples) = (own.poses(progress)?, own.samples(&rig, progress)?);
-            let reference = own.reference(progress)?;
+            let (poses, samples) = (drive.poses(progress)?, drive.samples(&rig, progress)?);
+            let reference = drive.reference(progress)?;
             stages::calibration(
                 project, begin, &settings, poses, samples, reference, progress,
             )
         })?;
-        // Refusing scans that are badly misplaced would otherwise take minutes.
+        // On badly misplaced scans, the joint adjustment would take minutes before it refuses them.
         let mut verdicts = poses.preflight.iter().chain(&start.verdicts);
         let minimum = two_steps.minimum.as_ref();
         let hindrance = if verdicts.any(|verdict| verdict.severity == Severity::Fault) {
-            Some("logs or scans have the fault that stands first")
+            Some("the logs or scans have a fault (see the first verdict)")
         } else if minimum.is_some_and(Minimum::is_doubtful) {
-            Some("two steps found another minimum that fits as well")
+            Some("the calibration in two steps has another minimum that fits as well")
         } else {
             None
         };
         let joint = match (project.is_joint, hindrance) {
             (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
-                let drive = joint::Drive {
+                let input = joint::Drive {
                     name: &drives::name_of(project),
                     project,
                     rig: &rig,
-                    poses: own.poses(progress)?,
-                    samples: own.samples(&rig, progress)?,
+                    poses: drive.poses(progress)?,
+                    samples: drive.samples(&rig, progress)?,
                 };
-                joint::report(&drive, &two_steps, own.reference(progress)?, progress)
+                joint::report(&input, &two_steps, drive.reference(progress)?, progress)
             })?),
             (true, Some(reason)) => Some(JointReport {
                 refused: vec![reason.into()],
@@ -128,7 +128,7 @@ impl<'a> Calibrated<'a> {
         self.joint.as_ref().and_then(JointReport::accepted)
     }
 
-    /// The scanners with the values found: the mountings, and the latencies and the compliance of a joint adjustment.
+    /// The scanners with the resulting values: mountings, and the latencies and the compliance of a joint adjustment.
     pub fn resulting_rig(&self) -> Rig {
         let joint = self.accepted();
         let late_s = |scanner: usize| joint?.late_s.get(scanner).copied().flatten();
@@ -160,7 +160,8 @@ impl<'a> Calibrated<'a> {
         mountings
     }
 
-    /// The findings of a run, judged, with the results of its drives, the project's own first.
+    /// The findings of a run, with verdicts, from the results of its drives, of which the first is the calibration
+    /// drive.
     pub fn findings(
         self,
         mountings: Vec<(MountingKind, Vec<BodyFromScanner>)>,
@@ -196,7 +197,7 @@ impl<'a> Calibrated<'a> {
             placement: self.start.verdicts,
             warnings: job.warnings().to_vec(),
             verdicts: Vec::new(),
-            kept: None,
+            kept_stages: None,
         };
         findings.verdicts = judgement::judge(&findings.results(), &project.acceptance);
         findings
@@ -216,7 +217,7 @@ fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
 /// The files of [`write`].
 pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 
-/// Writes the mountings, for a project and by time.
+/// Writes the mountings as tables for a project file and by time.
 ///
 /// # Errors
 /// A file cannot be written.
@@ -225,16 +226,16 @@ pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()
     let scanners = findings.rig.scanners(project);
     let text = result::marked_toml(&scanners, &findings.verdicts)?;
     job.write("calibration.toml", &text)?;
-    if let Some(own) = findings.drives.first() {
-        let moved = accepted.and_then(|joint| joint.drives.first());
-        let moved = moved.map_or(&[][..], |drive| &drive.bending);
-        let text = mounting::table(&findings.calibrations.result, moved, &own.poses);
+    if let Some(drive) = findings.drives.first() {
+        let adjusted = accepted.and_then(|joint| joint.drives.first());
+        let moved = adjusted.map_or(&[][..], |drive| &drive.bending);
+        let text = mounting::table(&findings.calibrations.result, moved, &drive.poses);
         job.write("mounting.csv", &text)?;
     }
     Ok(())
 }
 
-/// The project with `method` in place of its own; warns of what it then does not use.
+/// The project with another method; warns of tables and keys that this method does not use.
 pub fn with_method(project: &Project, method: Method, progress: &dyn Progress) -> Project {
     let project = project.clone().with_method(method);
     if !project.is_joint {

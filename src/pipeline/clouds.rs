@@ -1,4 +1,4 @@
-//! Georeferenced clouds: streamed to files, with a sample of the points kept for comparison.
+//! Georeferenced clouds: streamed to files, with a sample of the points for comparison.
 
 use std::path::PathBuf;
 
@@ -18,9 +18,9 @@ use crate::sensor::ScanPoint;
 use crate::statistics::EvenSample;
 use crate::trajectory::Trajectory;
 
-/// Maximum number of points per scanner and drive that are kept for comparison. M3C2 averages over cylinders; this many
-/// points still put tens of points into each cylinder.
-const MAX_KEPT: usize = 2_000_000;
+/// Maximum number of points of the sample for comparison, per scanner and drive. M3C2 averages over cylinders; this
+/// many points still put tens of points into each cylinder.
+const MAX_SAMPLE: usize = 2_000_000;
 
 /// The scanners on a body whose frame may bend.
 #[derive(Debug, Clone, Copy)]
@@ -62,16 +62,13 @@ pub fn bending(rig: &Rig, trajectory: &Trajectory) -> Vec<Bending> {
 
 /// An even sample of the laser points of one scanner.
 #[derive(Debug, Clone, Default)]
-pub struct Kept {
+pub struct CloudSample {
     /// Number of points with a pose, from which the sample was taken.
-    pub of: u64,
+    pub total: u64,
     /// Points in the scanner frame, in the order of measurement, each with the number of its profile among those with
     /// points in the recordings of the scanner, from 0.
     pub points: Vec<(u32, ScanPoint)>,
 }
-
-/// An even sample of each scanner's laser points.
-pub type KeptPoints = Vec<Kept>;
 
 /// The values of a georeferenced point in addition to its position, time and intensity.
 struct Values {
@@ -133,7 +130,7 @@ fn wkt(project: &Project) -> Result<Option<String>> {
 /// The properties of a drive's clouds that are known before their points are placed.
 ///
 /// # Errors
-/// The reference cannot be read, from which the clouds have their coordinate reference system.
+/// The reference, which has the coordinate reference system of the clouds, cannot be read.
 pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
     let (first_s, last_s) = trajectory.span_s();
     Ok(CloudShape {
@@ -160,8 +157,8 @@ pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
     })
 }
 
-/// Reads all profiles of the project once and keeps an even sample of each scanner's points. With `open`, all points are
-/// also placed and written.
+/// Reads all profiles of the project once and takes an even sample of each scanner's points. With `open`, all points
+/// are also placed and written.
 ///
 /// # Errors
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
@@ -172,7 +169,7 @@ pub fn stream(
     mounted: Mounted<'_>,
     open: Option<&OpenSink<'_>>,
     progress: &dyn Progress,
-) -> Result<KeptPoints> {
+) -> Result<Vec<CloudSample>> {
     let jobs = project
         .scanners
         .iter()
@@ -201,7 +198,7 @@ pub fn stream(
             _ => None,
         };
         let mut place = mounted.georeferencer(index, trajectory);
-        let mut sample = EvenSample::new(MAX_KEPT);
+        let mut sample = EvenSample::new(MAX_SAMPLE);
         let mut chunk = Vec::new();
         let mut values = Values::new(number);
         for mut reader in readers {
@@ -233,34 +230,38 @@ pub fn stream(
             writer.finish()?;
         }
         place.check(&scanner.name)?;
-        let kept = Kept {
-            of: sample.seen(),
+        let sample = CloudSample {
+            total: sample.seen(),
             points: sample.into_kept(),
         };
-        Ok((kept, place))
+        Ok((sample, place))
     });
     drop(stage);
     let samples = samples.into_iter().collect::<Result<Vec<_>>>()?;
     let named = project.scanners.iter().zip(samples);
     Ok(named
-        .map(|(scanner, (points, place))| {
+        .map(|(scanner, (sample, place))| {
             warn_of_missing(
                 &scanner.name,
                 (place.outside(), place.read()),
                 place.excluded(),
                 progress,
             );
-            points
+            sample
         })
         .collect())
 }
 
-/// Places kept points with these mountings.
-pub fn place(trajectory: &Trajectory, mounted: Mounted<'_>, kept: &KeptPoints) -> Vec<Vec<Vec3>> {
-    let jobs: Vec<_> = kept.iter().enumerate().collect();
-    in_parallel(jobs, |(index, kept)| {
+/// Places sampled points with these mountings.
+pub fn place(
+    trajectory: &Trajectory,
+    mounted: Mounted<'_>,
+    samples: &[CloudSample],
+) -> Vec<Vec<Vec3>> {
+    let jobs: Vec<_> = samples.iter().enumerate().collect();
+    in_parallel(jobs, |(index, sample)| {
         let mut place = mounted.georeferencer(index, trajectory);
-        let points = kept.points.iter();
+        let points = sample.points.iter();
         points.filter_map(|(_, point)| place.place(point)).collect()
     })
 }
@@ -276,7 +277,7 @@ pub fn names(project: &Project) -> Vec<String> {
     scanners.map(|scanner| name(&scanner.name)).collect()
 }
 
-/// Writes the cloud of each scanner, placed with these mountings, and keeps an even sample.
+/// Writes the cloud of each scanner, placed with these mountings, and takes an even sample.
 ///
 /// # Errors
 /// As for [`stream`].
@@ -285,7 +286,7 @@ pub fn write(
     trajectory: &Trajectory,
     mounted: Mounted<'_>,
     job: &mut Job<'_>,
-) -> Result<KeptPoints> {
+) -> Result<Vec<CloudSample>> {
     let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
         let open = into_files(&files, project.origin_m);

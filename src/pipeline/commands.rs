@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 
 use super::analyse::analyse;
 use super::calibrated::{self, Calibrated};
+use super::calibration_drive::CalibrationDrive;
 use super::findings::{Extras, Findings, Truth};
 use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::Keys;
 use super::outcome::{Options, Outcome};
-use super::own::Own;
 use super::{clouds, drives, page, result, stages, summary};
 use crate::comparison::Agreements;
 use crate::error::Result;
@@ -169,10 +169,10 @@ pub fn trajectory(
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
     let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    // Its stages are not kept, so their keys need no file contents.
+    // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
-    let own = Own::new(project);
-    let (poses, calibrated) = Calibrated::find(project, &own, &keys, &mut job)?;
+    let calibration_drive = CalibrationDrive::new(project);
+    let (poses, calibrated) = Calibrated::run(project, &calibration_drive, &keys, &mut job)?;
     let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
     let poses = stages::Poses {
         trajectory: adjusted.trajectory,

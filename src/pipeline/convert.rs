@@ -28,8 +28,8 @@ pub struct Conversion {
 }
 
 impl Conversion {
-    /// Refuses options that do not apply; `uses` are those that do.
-    fn check(&self, uses: &[&str]) -> Result<()> {
+    /// Refuses options that do not apply to a conversion; `allowed` are those that do.
+    fn check(&self, allowed: &[&str]) -> Result<()> {
         let given = [
             ("--crs", self.crs.is_some()),
             ("--axes", self.axes.is_some()),
@@ -38,7 +38,7 @@ impl Conversion {
         ];
         match given
             .iter()
-            .find(|(name, given)| *given && !uses.contains(name))
+            .find(|(name, given)| *given && !allowed.contains(name))
         {
             Some((name, _)) => Err(Error::data(
                 format!("{name} does not apply to this conversion"),
@@ -56,7 +56,7 @@ impl Conversion {
 type WritePoses = fn(&Path, &[PoseRecord], &Conversion) -> Result<()>;
 type Print = fn(&[(String, BodyFromScanner)], &Conversion) -> Result<String>;
 
-/// Extensions of files of poses; those of tables may also be clouds.
+/// Extensions of files of poses; those of tables may also belong to clouds.
 const POSES: [(&str, WritePoses); 4] = [
     (".csv", |path, poses, _| {
         format::write_trajectory(path, poses)
@@ -95,7 +95,8 @@ const MOUNTINGS: [(&str, (Print, &[&str])); 4] = [
     (".json", (pdal, &["--axes", "--scanner"])),
 ];
 
-fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
+/// The entry whose extension a file name has.
+fn by_extension<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
     let name = path.file_name()?.to_str()?.to_lowercase();
     let entry = known.iter().find(|(end, _)| name.ends_with(end))?;
     Some(entry.1)
@@ -106,7 +107,7 @@ fn of_end<T: Copy>(path: &Path, known: &[(&str, T)]) -> Option<T> {
 /// `calibration.toml` as `.urdf`, `.launch.py`, `.yaml` (ROS 2), `.json` (PDAL).
 ///
 /// # Errors
-/// An input that cannot be read, or that cannot be written in this format; an output that is the input.
+/// An input that cannot be read, or that cannot be written in this format; an output that is also the input.
 pub fn convert(
     input: &Path,
     output: &Path,
@@ -144,13 +145,13 @@ fn written(
     (format, with): (Format, &Conversion),
     progress: &dyn Progress,
 ) -> Result<String> {
-    let poses = of_end(output, &POSES).filter(|_| format.has_poses());
+    let poses = by_extension(output, &POSES).filter(|_| format.has_poses());
     if format.has_cloud() && format::is_cloud_name(output) {
         with.check(&[])?;
         return cloud(input, staged, format, progress);
     }
     if let Some(write) = poses {
-        let is_geographic = format.id() == "sbet" || of_end(output, &[(SBET, ())]).is_some();
+        let is_geographic = format.id() == "sbet" || by_extension(output, &[(SBET, ())]).is_some();
         with.check(if is_geographic {
             &["--crs", "--axes"]
         } else {
@@ -162,7 +163,8 @@ fn written(
         write(staged, &poses, with)?;
         return Ok(format!("{} poses", poses.len()));
     }
-    if let Some((print, options)) = of_end(output, &MOUNTINGS).filter(|_| format.id() == "project")
+    if let Some((print, options)) =
+        by_extension(output, &MOUNTINGS).filter(|_| format.id() == "project")
     {
         with.check(options)?;
         let Mountings {
@@ -199,11 +201,11 @@ pub fn mountings_text(
     scanners: &[(String, BodyFromScanner)],
     with: &Conversion,
 ) -> Result<String> {
-    let (print, _) = of_end(path, &MOUNTINGS).ok_or_else(|| {
+    let (print, _) = by_extension(path, &MOUNTINGS).ok_or_else(|| {
         Error::format(
             path,
             Location::Whole,
-            "a name with another end",
+            "a name with another extension",
             "a name that ends in .urdf, .launch.py, .yaml or .json",
         )
     })?;
@@ -219,29 +221,29 @@ fn turned(
     let written = match (axes, with.axes) {
         (None, Some(_)) => {
             return Err(Error::data(
-                "a calibration alone does not say the axes of its body",
+                "a calibration alone does not contain the axes of its body",
                 "convert the project with its mountings, or leave out --axes",
             ));
         }
-        (Some(own), Some(wanted)) if own != wanted => {
+        (Some(present), Some(wanted)) if present != wanted => {
             for (_, mounting) in scanners {
-                // Both are turned by half a turn about x, which is its own inverse.
+                // FRD and FLU differ by half a turn about x, in either direction.
                 let turn = BodyAxes::Frd.body_from_flu();
                 mounting.rotation = turn * mounting.rotation;
                 mounting.translation_m = turn * mounting.translation_m;
             }
             Some(wanted)
         }
-        (own, _) => own,
+        (present, _) => present,
     };
     Ok(match written {
         Some(BodyAxes::Frd) => "x forward, y right, z down (ROS has z up: --axes FLU)",
         Some(BodyAxes::Flu) => "x forward, y left, z up",
-        None => "the axes of its project, which a calibration alone does not say",
+        None => "the axes of its project, which a calibration alone does not contain",
     })
 }
 
-/// Warns of coordinates near the zero of an official system, which are probably local.
+/// Warns of coordinates near the origin of an official system, which are probably local.
 fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progress) {
     const NEAR_M: f64 = 10_000.0;
     let is_official = |crs: &Projection| crs.name().to_uppercase().starts_with("EPSG");
@@ -251,7 +253,7 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
     let at = first.world_from_body.translation_m;
     if with.crs.as_ref().is_some_and(is_official) && at.x.abs().max(at.y.abs()) < NEAR_M {
         progress.warn(&format!(
-            "east {:.1} m, north {:.1} m lie near the zero of the projected system: are these local coordinates?",
+            "east {:.1} m, north {:.1} m lie near the origin of the projected system: are these local coordinates?",
             at.x, at.y
         ));
     }
@@ -297,8 +299,8 @@ fn cloud(input: &Input, output: &Path, format: Format, progress: &dyn Progress) 
 fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()> {
     let crs = with.crs.as_ref().ok_or_else(|| {
         Error::data(
-            "SBET has latitudes and longitudes, and the projected system of the poses is not named",
-            "name it with --crs, such as --crs EPSG:25832",
+            "SBET has latitudes and longitudes, and the projected system of the poses is unknown",
+            "give it with --crs, for example --crs EPSG:25832",
         )
     })?;
     let mut poses = poses.to_vec();
@@ -308,7 +310,7 @@ fn write_sbet(path: &Path, poses: &[PoseRecord], with: &Conversion) -> Result<()
     format::write_sbet(path, &poses, crs)
 }
 
-/// The mounting as PDAL's matrix, which a cloud has only one of.
+/// The mounting as a matrix for PDAL; a pipeline has only one.
 fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> {
     let scanner = match &with.scanner {
         Some(name) => all.iter().find(|(other, _)| other == name),
@@ -321,7 +323,7 @@ fn pdal(all: &[(String, BodyFromScanner)], with: &Conversion) -> Result<String> 
             match &with.scanner {
                 Some(name) => format!("there is no scanner `{name}`, only {names}"),
                 None => {
-                    format!("a pipeline of PDAL has the mounting of one scanner, not of {names}")
+                    format!("a PDAL pipeline can hold the mounting of one scanner only, not those of {names}")
                 }
             },
             "name one of them with --scanner",

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::clouds::{self, KeptPoints, Mounted};
+use super::calibration_drive::CalibrationDrive;
+use super::clouds::{self, CloudSample, Mounted};
 use super::job::Job;
 use super::joint;
 use super::keys::{Key, Keys};
-use super::own::Own;
 use super::rig::Rig;
 use super::scene;
 use super::stages::{self, EstimatedPoses, Poses};
@@ -24,7 +24,7 @@ use crate::trajectory::Trajectory;
 /// Mountings to compare, with their kinds.
 pub type Mountings = [(MountingKind, Vec<BodyFromScanner>)];
 
-/// The name of the project's own drive, which is that of its folder.
+/// The name of a project's drive, which is that of its folder.
 pub fn name_of(project: &Project) -> String {
     let folder = project.path.parent().and_then(Path::file_name);
     folder.map_or_else(
@@ -35,7 +35,7 @@ pub fn name_of(project: &Project) -> String {
 
 /// The final poses with which a drive's points are placed.
 pub struct Adjusted {
-    /// From the joint adjustment, or the drive's own.
+    /// The poses of the joint adjustment, or those before it if there is none.
     pub trajectory: Trajectory,
     /// The motion of the mountings along it; empty if they are rigid.
     pub bending: Vec<Bending>,
@@ -44,7 +44,7 @@ pub struct Adjusted {
 }
 
 impl Adjusted {
-    /// The poses of a project's own drive, from an adjustment if there is one.
+    /// The poses of the calibration drive, from the joint adjustment if there is one.
     ///
     /// # Errors
     /// See [`Trajectory::with_limits`].
@@ -63,8 +63,8 @@ impl Adjusted {
     }
 }
 
-/// A drive, and its clouds for the viewer.
-pub type Shown = (Drive, Option<Scene>);
+/// The results of a drive, and its clouds for the viewer.
+pub type DriveAndScene = (Drive, Option<Scene>);
 
 /// A drive to be compared.
 #[derive(Clone, Copy)]
@@ -78,7 +78,7 @@ struct ComparedDrive<'a> {
 pub struct Compared<'a> {
     /// The project.
     pub project: &'a Project,
-    /// The scanners as the calibration found them.
+    /// The scanners with the values of the calibration.
     pub rig: &'a Rig,
     /// The mountings with which points are placed.
     pub mountings: &'a Mountings,
@@ -89,17 +89,17 @@ pub struct Compared<'a> {
 }
 
 impl Compared<'_> {
-    /// Compares the kept points of the project's own drive, placed with each of the mountings, and then those of its
-    /// evaluation drives. Points that are not kept yet are read.
+    /// Compares the sampled points of the calibration drive, placed with each of the mountings, and then those of the
+    /// evaluation drives. Without samples of the calibration drive, its points are read.
     ///
     /// # Errors
     /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
     pub fn all(
         &self,
-        (poses, adjusted, kept): (Poses, Adjusted, Option<KeptPoints>),
-        own: &Own<'_>,
+        (poses, adjusted, samples): (Poses, Adjusted, Option<Vec<CloudSample>>),
+        calibration_drive: &CalibrationDrive<'_>,
         job: &mut Job<'_>,
-    ) -> Result<Vec<Shown>> {
+    ) -> Result<Vec<DriveAndScene>> {
         let drive = ComparedDrive {
             name: &name_of(self.project),
             project: self.project,
@@ -107,11 +107,16 @@ impl Compared<'_> {
         };
         let key = self.keyed(self.keys.joint.clone());
         let first = job.once("compare", &key, |progress| {
-            let kept = match kept {
-                Some(kept) => kept,
-                None => drive.kept(&adjusted.trajectory, progress)?,
+            let samples = match samples {
+                Some(samples) => samples,
+                None => drive.samples(&adjusted.trajectory, progress)?,
             };
-            self.drive(drive, (poses, &adjusted), (own, &kept), progress)
+            self.drive(
+                drive,
+                (poses, &adjusted),
+                (calibration_drive, &samples),
+                progress,
+            )
         })?;
         let mut drives = vec![first];
         for (other, key) in self.project.evaluations.iter().zip(&self.keys.evaluations) {
@@ -119,7 +124,7 @@ impl Compared<'_> {
             let stage = format!("evaluate {}", other.name);
             drives.push(job.once(&stage, &key, |progress| {
                 let _stage = progress.stage(&stage, 0);
-                self.evaluated(other, own, progress)
+                self.evaluated(other, calibration_drive, progress)
             })?);
         }
         Ok(drives)
@@ -134,9 +139,9 @@ impl Compared<'_> {
     fn evaluated(
         &self,
         other: &OtherDrive,
-        own: &Own<'_>,
+        calibration_drive: &CalibrationDrive<'_>,
         progress: &dyn Progress,
-    ) -> Result<Shown> {
+    ) -> Result<DriveAndScene> {
         let project = &other.read(self.project)?;
         let rig = &Rig {
             mountings: self.rig.mountings.clone(),
@@ -149,7 +154,7 @@ impl Compared<'_> {
             rig,
         };
         let estimated = stages::poses(project, progress)?;
-        let kept = drive.kept(estimated.trajectory(), progress)?;
+        let samples = drive.samples(estimated.trajectory(), progress)?;
         let adjusted = drive.adjusted_alone(&estimated, self.calibration, progress)?;
         let poses = estimated.poses;
         let adjusted = adjusted.unwrap_or_else(|| Adjusted {
@@ -157,16 +162,21 @@ impl Compared<'_> {
             trajectory: poses.trajectory.clone(),
             planes: Vec::new(),
         });
-        self.drive(drive, (poses, &adjusted), (own, &kept), progress)
+        self.drive(
+            drive,
+            (poses, &adjusted),
+            (calibration_drive, &samples),
+            progress,
+        )
     }
 
     fn drive(
         &self,
         ComparedDrive { name, project, rig }: ComparedDrive<'_>,
         (poses, adjusted): (Poses, &Adjusted),
-        (own, kept): (&Own<'_>, &KeptPoints),
+        (calibration_drive, samples): (&CalibrationDrive<'_>, &[CloudSample]),
         progress: &dyn Progress,
-    ) -> Result<Shown> {
+    ) -> Result<DriveAndScene> {
         let (trajectory, bending) = (&adjusted.trajectory, adjusted.bending.as_slice());
         let trajectory_of = |kind| match kind {
             MountingKind::Initial | MountingKind::TwoStep => &poses.trajectory,
@@ -181,31 +191,31 @@ impl Compared<'_> {
                 rig: &rig.with_poses(mountings),
                 bending: bending_of(*kind),
             };
-            (*kind, clouds::place(trajectory_of(*kind), mounted, kept))
+            (*kind, clouds::place(trajectory_of(*kind), mounted, samples))
         };
         let placed: Vec<_> = self.mountings.iter().map(place).collect();
         let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
-        let (surface, settings) = (own.surface(progress)?, &project.comparison);
+        let (surface, settings) = (calibration_drive.surface(progress)?, &project.comparison);
         let agreements = agreements(name, &scanners, surface, &placed, settings, progress)?;
         let scene = {
-            let _stage = progress.stage("choosing what the page shows", 0);
+            let _stage = progress.stage("selecting points for the page", 0);
             let views = self.mountings.iter().map(|(kind, mountings)| View {
                 kind: *kind,
                 trajectory: trajectory_of(*kind),
                 mountings,
                 bending: bending_of(*kind),
             });
-            let shown = scene::Shown {
+            let input = scene::SceneInput {
                 project,
                 rig,
-                kept,
+                samples,
                 agreements: &agreements,
                 settings,
-                reference: own.reference(progress)?,
+                reference: calibration_drive.reference(progress)?,
                 planes: &adjusted.planes,
                 drives: 1 + self.project.evaluations.len(),
             };
-            shown.with(views)
+            input.scene(views)
         };
         let placed = Poses {
             trajectory: trajectory.clone(),
@@ -217,14 +227,18 @@ impl Compared<'_> {
 
 impl ComparedDrive<'_> {
     /// An even sample of the points of each scanner.
-    fn kept(&self, trajectory: &Trajectory, progress: &dyn Progress) -> Result<KeptPoints> {
+    fn samples(
+        &self,
+        trajectory: &Trajectory,
+        progress: &dyn Progress,
+    ) -> Result<Vec<CloudSample>> {
         let mounted = Mounted::rigid(self.rig);
         clouds::stream(self.project, trajectory, mounted, None, progress)
     }
 
-    /// The poses of an evaluation drive and the motion of its mountings, adjusted with its own scans and without the
-    /// reference, by the mountings of a joint adjustment; `None` after two steps, and if the drive cannot be adjusted or
-    /// is contradicted.
+    /// The poses of an evaluation drive and the motion of its mountings, adjusted with the mountings of the joint
+    /// adjustment and the scans of this drive, without the reference; `None` after a calibration in two steps, and if
+    /// the drive cannot be adjusted or its sensors contradict the adjustment.
     fn adjusted_alone(
         &self,
         poses: &EstimatedPoses,
@@ -243,12 +257,13 @@ impl ComparedDrive<'_> {
             poses,
             samples: &stages::samples(project, rig, poses.trajectory(), progress)?,
         };
-        let keeps =
-            |reason: &str| progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+        let warn = |reason: &str| {
+            progress.warn(&format!("drive `{name}` keeps its own poses: {reason}"));
+        };
         match joint::with_known_mountings(&drive, covariance, progress) {
             Ok(joint) => {
                 if let Some(reason) = contradictions(&joint).first() {
-                    keeps(reason);
+                    warn(reason);
                     return Ok(None);
                 }
                 let drive = joint.drives.into_iter().next();
@@ -264,7 +279,7 @@ impl ComparedDrive<'_> {
             }
             Err(error) => {
                 let reason = joint::reason(error)?;
-                keeps(&reason);
+                warn(&reason);
                 Ok(None)
             }
         }

@@ -41,7 +41,7 @@ pub fn field(
         bending: &bending,
     };
     let tiling = Tiling::new(job.path("spool"), tile_m, project.scanners.len())?;
-    let kept = job.timed("georeference", |progress| {
+    let samples = job.timed("georeference", |progress| {
         let open: Box<clouds::OpenSink<'_>> = Box::new(|scanner, _| Ok(tiling.sink(scanner)));
         clouds::stream(project, &poses.trajectory, mounted, Some(&*open), progress)
     })?;
@@ -50,7 +50,7 @@ pub fn field(
     let shape = clouds::shape(project, &poses.trajectory)?;
     let tiles = job.timed("tiles", |progress| tiling.write(&folder, &shape, progress))?;
     let reference = stages::reference(project, progress)?;
-    let placed = clouds::place(&poses.trajectory, mounted, &kept);
+    let placed = clouds::place(&poses.trajectory, mounted, &samples);
     let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
     let placed = [(MountingKind::Final, placed)];
     let agreements = job.timed("compare", |progress| {

@@ -36,9 +36,9 @@ pub struct Truth {
 /// All results of a run.
 #[derive(Debug)]
 pub struct Findings {
-    /// The scanners with the values found.
+    /// The scanners with the resulting values.
     pub rig: Rig,
-    /// The calibration, with the values that it is compared with.
+    /// The calibration, with the values with which it is compared.
     pub calibrations: Calibrations,
     /// The calibration drive, then the evaluation drives.
     pub drives: Vec<Drive>,
@@ -58,8 +58,8 @@ pub struct Findings {
     pub warnings: Vec<String>,
     /// The verdicts on the results, the gravest first.
     pub verdicts: Vec<Verdict>,
-    /// The stages kept for other runs; `None` if they cannot be kept.
-    pub kept: Option<KeptStages>,
+    /// The stages kept for later runs; `None` if they cannot be kept.
+    pub kept_stages: Option<KeptStages>,
 }
 
 impl Findings {
@@ -73,7 +73,7 @@ impl Findings {
     }
 }
 
-/// Stages kept for other runs.
+/// Stages kept for later runs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeptStages {
     /// Their folder, which may be removed.

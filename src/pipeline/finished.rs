@@ -40,13 +40,13 @@ pub struct Finished {
     folder: PathBuf,
     /// The inputs on which its stages depend.
     inputs: Inputs,
-    /// Whether stages of earlier runs are used.
-    finds: bool,
+    /// Whether stages of earlier runs are reused.
+    reuses: bool,
     /// Whether stages are kept.
     keeps: bool,
-    /// The files that this run found or wrote there.
+    /// The files in the folder that this run reused or wrote.
     used: Vec<PathBuf>,
-    /// The stages of earlier runs that it reused.
+    /// The stages of earlier runs that this run reused.
     reused: Vec<String>,
 }
 
@@ -54,7 +54,7 @@ impl Finished {
     /// The folder beside the results in `out`, a folder that exists; `None` if the path of `out` has no last name. With
     /// `fresh`, stages of earlier runs are ignored.
     pub fn beside(out: &Path, inputs: Inputs, fresh: bool) -> Option<Self> {
-        // The same folder for all paths that lead to it.
+        // All paths to the folder of results give the same folder of stages.
         let mut folder = out.canonicalize().ok()?;
         let mut name = folder.file_name()?.to_owned();
         name.push(SUFFIX);
@@ -62,7 +62,7 @@ impl Finished {
         Some(Self {
             folder,
             inputs,
-            finds: !fresh,
+            reuses: !fresh,
             keeps: true,
             used: Vec::new(),
             reused: Vec::new(),
@@ -92,7 +92,7 @@ impl Finished {
         progress: &dyn Progress,
     ) -> Result<Option<Stage<T>>> {
         let place = self.place(stage, key, "");
-        if !self.finds {
+        if !self.reuses {
             return Ok(None);
         }
         let Ok((hashes, finished)) = kept::read::<(Vec<u128>, _)>(&place) else {
@@ -103,8 +103,8 @@ impl Finished {
             return Ok(None);
         }
         for (file, hash) in places.iter().zip(&hashes) {
-            match hash_seen(file, progress) {
-                Ok(own) if own == *hash => {}
+            match hash_with_progress(file, progress) {
+                Ok(current) if current == *hash => {}
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
                 _ => return Ok(None),
             }
@@ -137,7 +137,7 @@ impl Finished {
         paths: &[PathBuf],
         progress: &dyn Progress,
     ) -> Result<()> {
-        // A result of changed inputs must not be found under the hash of the former content.
+        // A result of changed inputs must not be kept under the hash of their former content.
         if !self.keeps || self.inputs.changed().is_some() {
             return Ok(());
         }
@@ -152,7 +152,7 @@ impl Finished {
                 return Ok(());
             }
         }
-        let hashes = paths.iter().map(|path| hash_seen(path, progress));
+        let hashes = paths.iter().map(|path| hash_with_progress(path, progress));
         let hashes: Vec<u128> = hashes.collect::<Result<_>>()?;
         let bytes = kept::bytes_of(&(hashes, finished))?;
         let place = self.place(stage, key, "");
@@ -174,7 +174,7 @@ impl Finished {
         self.inputs.changed()
     }
 
-    /// Removes kept files that this run neither found nor wrote, and no other files; files that cannot be removed stay.
+    /// Removes kept files that this run neither reused nor wrote, and no others. Files that cannot be removed stay.
     pub fn remove_unused(&self) {
         let unused = self.entries().into_iter();
         for path in unused.filter(|path| !self.used.contains(path)) {
@@ -213,7 +213,7 @@ impl Finished {
 }
 
 /// Hash of the content of a file, with progress.
-fn hash_seen(path: &Path, progress: &dyn Progress) -> Result<u128> {
+fn hash_with_progress(path: &Path, progress: &dyn Progress) -> Result<u128> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let stage = progress.stage(&format!("checking {name}"), size(path));
     hash_of(path, &|bytes| stage.advance(bytes))
@@ -238,7 +238,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_of_others_are_told() {
+    fn only_names_of_kept_files_are_recognised() {
         let key = "0123456789abcdef0123456789abcdef";
         let is_kept = |name: &str| is_kept(OsStr::new(name));
         assert!(is_kept(&format!("calibrate-{key}.kept")));

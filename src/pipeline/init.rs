@@ -10,12 +10,12 @@ use crate::geometry::{BodyFromScanner, EulerConvention};
 
 /// Depth of the subfolders that are searched.
 const DEEPEST: usize = 4;
-/// Most files of a folder: one with more is not that of a drive.
+/// Largest number of files: a folder with more is not the folder of a drive.
 const MOST_FILES: usize = 10_000;
 
-/// The purposes of the files of a folder, each path relative to the folder.
+/// The files of a folder, sorted by purpose, with paths relative to the folder.
 #[derive(Debug, Default)]
-struct Found {
+struct SortedFiles {
     imu: Vec<PathBuf>,
     prism: Vec<PathBuf>,
     gnss: Vec<PathBuf>,
@@ -68,9 +68,9 @@ pub fn init(folder: &Path) -> Result<NewProject> {
     let mut files = Vec::new();
     list(folder, DEEPEST, &mut files)?;
     files.sort();
-    let mut sorted = Found::default();
+    let mut sorted = SortedFiles::default();
     for file in &files {
-        sorted.sort_in(folder, file);
+        sorted.add(folder, file);
     }
     if sorted.profiles.is_empty() && sorted.recordings.is_empty() {
         return Err(Error::of(
@@ -80,7 +80,7 @@ pub fn init(folder: &Path) -> Result<NewProject> {
                 files.len(),
                 folder.display()
             ),
-            "boresight inspect FILE… says how each file is read",
+            "see how each file is read: boresight inspect FILE…",
         ));
     }
     Ok(sorted.project())
@@ -102,7 +102,7 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
             if files.len() == MOST_FILES {
                 return Err(Error::of(
                     Problem::TooMany,
-                    format!("more than {MOST_FILES} files down to {}", folder.display()),
+                    format!("more than {MOST_FILES} files up to {}", folder.display()),
                     "name the folder of one drive",
                 ));
             }
@@ -112,8 +112,8 @@ fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-impl Found {
-    fn sort_in(&mut self, folder: &Path, file: &Path) {
+impl SortedFiles {
+    fn add(&mut self, folder: &Path, file: &Path) {
         let path = file.strip_prefix(folder).unwrap_or(file).to_owned();
         let input = &Input::from(file);
         let Ok(format) = format::detect(input) else {
@@ -172,7 +172,7 @@ impl Found {
 
     fn project(&self) -> NewProject {
         let mut made = NewProject {
-            text: "# What files cannot tell stands behind a `#` without a value: fill it in.\n\
+            text: "# Keys that the files do not give are commented out: fill in their values.\n\
                    [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n"
                 .to_owned(),
             missing: Vec::new(),
@@ -206,7 +206,7 @@ impl Found {
         }
         for (path, topics) in &self.recordings {
             made.text += &format!(
-                "\n# {} holds {topics}.\n# A topic is named behind the file: file = {}\n",
+                "\n# {} contains {topics}.\n# Append the topic to the file name: file = {}\n",
                 path.display(),
                 quoted(&format!("{}#/topic", path.display()))
             );
@@ -215,7 +215,7 @@ impl Found {
             made.text += &format!("\n[reference]\nfile = {}\n", quoted_path(first));
             list_as_comment(&mut made.text, "other clouds", further);
         }
-        list_as_comment(&mut made.text, "files that nothing reads", &self.unknown);
+        list_as_comment(&mut made.text, "files of unknown formats", &self.unknown);
         for error in &self.unread {
             made.text += &format!("# not read: {}\n", error.replace('\n', " "));
         }
@@ -364,7 +364,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_read_is_said() {
+    fn files_that_cannot_be_read_are_listed_with_the_reason() {
         let folder = tempfile::tempdir().unwrap();
         let write =
             |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_everything_is_refused() {
+    fn a_folder_with_too_many_files_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         for number in 0..=MOST_FILES {
             std::fs::write(folder.path().join(number.to_string()), "").unwrap();

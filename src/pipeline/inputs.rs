@@ -13,18 +13,18 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::report::content::InputFile;
 
-/// Files, with their contents when the run began.
+/// Files, with hashes of their contents when the run began.
 #[derive(Default)]
 pub struct Inputs(BTreeMap<PathBuf, Option<Content>>);
 
 /// The content of a file, with the properties by which a change is detected.
 struct Content {
     hash: u128,
-    look: Look,
+    properties: Properties,
 }
 
 /// Size, modification time, and on Unix also the time of the last status change and the inode.
-type Look = (u64, Option<SystemTime>, [i64; 3]);
+type Properties = (u64, Option<SystemTime>, [i64; 3]);
 
 impl Inputs {
     /// Reads the files once. A file that cannot be read is recorded as such: the stage that needs it reports the error.
@@ -36,11 +36,11 @@ impl Inputs {
         let stage = progress.stage("comparing inputs with earlier runs", sizes.sum());
         let read = files.into_par_iter().map(|path| {
             // The properties are read first, because the content may change while it is read.
-            let look = path.metadata().ok().map(|metadata| look(&metadata));
+            let before = path.metadata().ok().map(|metadata| properties(&metadata));
             let hash = hash_of(&path, &|bytes| stage.advance(bytes));
-            let content = match (look, hash) {
+            let content = match (before, hash) {
                 (_, Err(Error::Cancelled)) => return Err(Error::Cancelled),
-                (Some(look), Ok(hash)) => Some(Content { hash, look }),
+                (Some(properties), Ok(hash)) => Some(Content { hash, properties }),
                 _ => None,
             };
             Ok((path, content))
@@ -58,7 +58,7 @@ impl Inputs {
     pub fn files(&self) -> Vec<InputFile> {
         let files = self.0.iter().map(|(path, content)| InputFile {
             path: path.display().to_string(),
-            bytes: content.as_ref().map_or(0, |content| content.look.0),
+            bytes: content.as_ref().map_or(0, |content| content.properties.0),
             xxh128: content.as_ref().map(|content| content.hash),
         });
         files.collect()
@@ -67,15 +67,15 @@ impl Inputs {
     /// A file that changed since the run began, if there is one.
     pub fn changed(&self) -> Option<&Path> {
         let changed = self.0.iter().find(|(path, content)| {
-            let now = path.metadata().ok().map(|metadata| look(&metadata));
-            let before = content.as_ref().map(|content| content.look);
+            let now = path.metadata().ok().map(|metadata| properties(&metadata));
+            let before = content.as_ref().map(|content| content.properties);
             before.is_some() && now != before
         });
         changed.map(|(path, _)| path.as_path())
     }
 }
 
-fn look(metadata: &Metadata) -> Look {
+fn properties(metadata: &Metadata) -> Properties {
     #[cfg(unix)]
     let more = {
         use std::os::unix::fs::MetadataExt;

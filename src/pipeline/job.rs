@@ -49,19 +49,19 @@ impl<'a> Job<'a> {
         self
     }
 
-    /// Warns of a file that changed since the job began: some stages may have read its former content, others the new
-    /// one.
+    /// Warns of a file that changed since the job began, because some stages may have read its former content and
+    /// others the new one.
     pub fn warn_of_changes(&mut self) {
         let changed = self.finished.as_ref().and_then(Finished::changed_input);
         if let Some(path) = changed {
             let file = path.display();
             self.warn(format!(
-                "{file} changed during this run: its results may mix what it was and what it is, run again"
+                "{file} changed during this run: the results may mix its former and its new content, run again"
             ));
         }
     }
 
-    /// Runs `work` and records its run time under `name`, and its warnings.
+    /// Runs `work` and records its run time, under `name`, and its warnings.
     ///
     /// # Errors
     /// Errors of `work`; [`Error::Cancelled`].
@@ -190,12 +190,12 @@ fn run<T>(
     let started = Instant::now();
     let listener = Listener {
         progress,
-        heard: Mutex::default(),
+        warnings: Mutex::default(),
     };
     let value = work(&listener)?;
     Ok(Stage {
         value,
-        warnings: listener.heard.into_inner().unwrap_or_default(),
+        warnings: listener.warnings.into_inner().unwrap_or_default(),
         seconds: started.elapsed().as_secs_f64(),
     })
 }
@@ -203,7 +203,7 @@ fn run<T>(
 /// Forwards all progress and keeps the warnings.
 struct Listener<'a> {
     progress: &'a dyn Progress,
-    heard: Mutex<Vec<String>>,
+    warnings: Mutex<Vec<String>>,
 }
 
 impl Progress for Listener<'_> {
@@ -225,8 +225,8 @@ impl Progress for Listener<'_> {
 
     fn warn(&self, message: &str) {
         self.progress.warn(message);
-        if let Ok(mut heard) = self.heard.lock() {
-            heard.push(message.to_owned());
+        if let Ok(mut warnings) = self.warnings.lock() {
+            warnings.push(message.to_owned());
         }
     }
 

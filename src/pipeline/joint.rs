@@ -22,8 +22,8 @@ use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::trajectory::Solution;
 
-/// A scanner is late if the scans show a latency of more than this many standard deviations that is also large enough
-/// to matter, seconds.
+/// A scanner is late if the scans show a latency of more than this many standard deviations and of more than
+/// `LEAST_LATENCY_S`, seconds.
 const LATE_SIGMAS: f64 = 5.0;
 const LEAST_LATENCY_S: f64 = 0.002;
 
@@ -41,19 +41,19 @@ pub struct Drive<'a> {
     pub samples: &'a [ScannerSample],
 }
 
-/// Adjusts the project's own drive and those of `[[drive]]`, from the result of two steps. Obstacles to the adjustment
-/// and contradictions are reported and are not errors.
+/// Adjusts the calibration drive together with those of `[[drive]]`, starting from the calibration in two steps. If the
+/// adjustment is impossible or contradicted by sensors, the report says why; this is not an error.
 ///
 /// # Errors
 /// Errors of the stages on other drives; [`Error::Cancelled`].
 pub fn report(
-    own: &Drive<'_>,
+    calibration_drive: &Drive<'_>,
     two_steps: &Calibration,
     reference: &[Vec3],
     progress: &dyn Progress,
 ) -> Result<JointReport> {
     let begun = Instant::now();
-    let project = own.project;
+    let project = calibration_drive.project;
     let (mut other_drives, mut contradicted) = (Vec::new(), Vec::new());
     for other in &project.drives {
         let other_project = other.read(project)?;
@@ -66,12 +66,12 @@ pub fn report(
                     "{}: [bending] with the columns {theirs:?}, not {ours:?}",
                     other.name
                 ),
-                "name the same columns in the same order in all drives: mountings follow them alike",
+                "name the same columns in the same order in all drives, because mountings follow them in the same way",
             ));
         }
         let rig = Rig {
             mountings: two_steps.mountings.clone(),
-            ..own.rig.of_drive(&other_project)
+            ..calibration_drive.rig.of_drive(&other_project)
         };
         let estimated = stages::poses(&other_project, progress)?;
         let poses = &estimated.poses;
@@ -91,11 +91,11 @@ pub fn report(
         poses,
         samples,
     });
-    let drives = [input(own)]
+    let drives = [input(calibration_drive)]
         .into_iter()
         .chain(others.map(|drive| input(&drive)));
     let mut fits_alone = false;
-    let made = drives.collect::<Result<Vec<_>>>().and_then(|drives| {
+    let adjusted = drives.collect::<Result<Vec<_>>>().and_then(|drives| {
         let mut input = JointInput {
             mountings: two_steps.mountings.clone(),
             known: None,
@@ -104,20 +104,20 @@ pub fn report(
             drives,
             reference,
         };
-        let made = with_late_scanners(&mut input, own, progress);
-        let is_doubtful = match &made {
+        let adjusted = with_late_scanners(&mut input, calibration_drive, progress);
+        let is_doubtful = match &adjusted {
             Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
             Err(error) => !matches!(error, Error::Cancelled),
         };
         if !reference.is_empty() && is_doubtful {
-            fits_alone = fits_without_reference(input, own, progress)?;
+            fits_alone = fits_without_reference(input, calibration_drive, progress)?;
         }
-        made
+        adjusted
     });
-    if let Ok((joint, _)) = &made {
-        show(own, joint, reference, progress);
+    if let Ok((joint, _)) = &adjusted {
+        show(calibration_drive, joint, reference, progress);
     }
-    let (joint, late, mut refused) = match made {
+    let (joint, late, mut refused) = match adjusted {
         Ok((joint, late)) => {
             let refused = contradictions(&joint);
             (Some(joint), late, refused)
@@ -127,7 +127,7 @@ pub fn report(
     if fits_alone {
         refused.insert(
             0,
-            "the drive fits together without the reference, and not with it".into(),
+            "the drive is consistent without the reference, but not with it".into(),
         );
     }
     Ok(JointReport {
@@ -145,38 +145,39 @@ fn is_doubtful(joint: &Joint) -> bool {
     joint.stop != StopReason::Converged || !contradictions(joint).is_empty()
 }
 
-/// Whether mountings move while the reference is also displaced: the two may be confused.
+/// Whether mountings move and the reference is displaced: the adjustment may confuse one with the other.
 fn moves_with_reference(joint: &Joint) -> bool {
     let is_displaced = joint.reference.is_some_and(|r| r.describe().is_some());
     joint.rung > Rung::Rigid && is_displaced
 }
 
-/// Whether no sensor contradicts the smallest allowed motion of mountings in an adjustment without a reference.
+/// Whether an adjustment without the reference, with the smallest allowed motion of mountings, is contradicted by no
+/// sensor.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
 fn fits_without_reference(
     mut input: JointInput<'_>,
-    own: &Drive<'_>,
+    calibration_drive: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<bool> {
-    progress.say("asking whether the drive fits together without the reference");
+    progress.say("testing whether the drive is consistent without the reference");
     input.reference = &[];
-    let mut settings = own.project.joint.clone();
+    let mut settings = calibration_drive.project.joint.clone();
     settings.mounting.most = settings.mounting.least;
-    match adjust(&input, &settings, surfel_m(own), progress) {
+    match adjust(&input, &settings, surfel_m(calibration_drive), progress) {
         Ok(joint) => Ok(!is_doubtful(&joint)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         Err(_) => Ok(false),
     }
 }
 
-/// Passes the clouds of the project's own drive, placed by the adjustment, and the reference to be shown.
-fn show(own: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progress) {
+/// Shows the clouds of the calibration drive, placed with the result of the adjustment, and the reference.
+fn show(calibration_drive: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progress) {
     let (Some(drive), mountings) = (joint.drives.first(), joint.poses()) else {
         return;
     };
-    let names = own
+    let names = calibration_drive
         .project
         .scanners
         .iter()
@@ -188,7 +189,7 @@ fn show(own: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progr
         reference
             .iter()
             .for_each(|point| each(mountings.len(), (*point).into()));
-        for (cloud, sample) in own.samples.iter().enumerate() {
+        for (cloud, sample) in calibration_drive.samples.iter().enumerate() {
             let late_s = joint
                 .late_s
                 .get(cloud)
@@ -214,14 +215,17 @@ fn show(own: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progr
     });
 }
 
-/// Adjusts, and if the scans contradict the latencies of scanners, adjusts again with estimated latencies, which are
-/// then used. Latencies are held by default, since a free latency costs tx a third of its accuracy.
+/// Adjusts; if the scans contradict the latencies of scanners, adjusts again and estimates these latencies. They are
+/// held by default, because estimating a latency costs tx a third of its accuracy.
 fn with_late_scanners(
     input: &mut JointInput<'_>,
-    own: &Drive<'_>,
+    calibration_drive: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<(Joint, Vec<LateScanner>)> {
-    let (settings, surfel_m) = (&own.project.joint, surfel_m(own));
+    let (settings, surfel_m) = (
+        &calibration_drive.project.joint,
+        surfel_m(calibration_drive),
+    );
     let joint = adjust(input, settings, surfel_m, progress)?;
     let is_late = |score: &Option<Score>| {
         score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
@@ -238,7 +242,12 @@ fn with_late_scanners(
         // The adjustment succeeds only with latencies held.
         Err(_) => return Ok((joint, Vec::new())),
     };
-    let scanners = own.project.scanners.iter().zip(&joint.late_s).zip(&late);
+    let scanners = calibration_drive
+        .project
+        .scanners
+        .iter()
+        .zip(&joint.late_s)
+        .zip(&late);
     let named = scanners.filter_map(|((scanner, latency), late)| {
         let (value, sigma) = latency.filter(|_| *late)?;
         Some(LateScanner {
@@ -254,8 +263,8 @@ fn with_late_scanners(
     Ok((joint, named))
 }
 
-/// Adjusts the poses of a drive with its own logs and scans, without a reference, and with the mountings of its rig, whose
-/// `covariance` is known.
+/// Adjusts the poses of a drive to its logs and scans, without a reference, with the mountings of its rig and their
+/// covariance.
 ///
 /// # Errors
 /// As for [`adjust`].
@@ -272,7 +281,9 @@ pub fn with_known_mountings(
     // A scanner without a `[scanner.compliance]` table is rigid.
     let mut known = compliance.iter().flatten();
     let rigid = known.next().copied().map(Compliance::rigid_beside);
-    let compliance = compliance.iter().filter_map(|own| own.or(rigid));
+    let compliance = compliance
+        .iter()
+        .filter_map(|compliance| compliance.or(rigid));
     let compliance: Vec<Compliance> = compliance.collect();
     let input = JointInput {
         compliance: &compliance,
@@ -285,7 +296,7 @@ pub fn with_known_mountings(
     adjust(&input, &drive.project.joint, surfel_m(drive), progress)
 }
 
-/// The reason why the adjustment cannot be made, if the error is one.
+/// The reason why the adjustment is impossible, from an error that says so.
 ///
 /// # Errors
 /// Any other error.
@@ -329,8 +340,7 @@ fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
             Box::new(motion.ok_or_else(|| {
                 Error::of(
                     Problem::TooFew,
-                    "the poses have no standard deviations, which say how far they may be \
-                     corrected",
+                    "the poses have no standard deviations, which limit how far they may be corrected",
                     "give sigma_position_m and sigma_rotation_deg in [trajectory]",
                 )
             })?)

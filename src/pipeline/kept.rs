@@ -25,7 +25,7 @@ pub fn bytes_of(value: &impl Serialize) -> Result<Vec<u8>> {
     let mut bytes = postcard::to_extend(value, line).map_err(|error| {
         Error::data(
             format!("a result cannot be kept: {error}"),
-            "report this as a mistake of boresight",
+            "report this as a bug in boresight",
         )
     })?;
     let hash = Hasher::oneshot(&bytes).to_le_bytes();
@@ -36,7 +36,7 @@ pub fn bytes_of(value: &impl Serialize) -> Result<Vec<u8>> {
 /// The value that a file keeps.
 ///
 /// # Errors
-/// The file cannot be read, is damaged or not such a file; another program wrote it.
+/// The file cannot be read, is damaged or keeps no value; another program wrote it.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let failed = |error| Error::io(path, error);
     // Opening a pipe would block until another process writes to it.
@@ -49,7 +49,10 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
 fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8], program: &str) -> Result<T> {
     let wrong = |at, found: &str, expected: &str| Err(Error::format(path, at, found, expected));
     let Some(after) = bytes.strip_prefix(START.as_bytes()) else {
-        let expected = format!("`{}`, as a run writes it", START.trim_end());
+        let expected = format!(
+            "`{}`, with which a run begins such a file",
+            START.trim_end()
+        );
         return wrong(Location::Line(1), "another file", &expected);
     };
     let (before, hash) = bytes.split_at(bytes.len().saturating_sub(size_of::<u128>()));
@@ -65,7 +68,7 @@ fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8], program: &str) -> Resul
         return wrong(
             Location::Byte(bytes.len() as u64),
             "a file that is cut off or changed",
-            "the file as the run wrote it; run again",
+            "the file as the run wrote it: run again",
         );
     };
     if line != program.as_bytes() {
@@ -74,7 +77,7 @@ fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8], program: &str) -> Resul
             String::from_utf8_lossy(line)
         );
         let expected = format!(
-            "one kept by this program (boresight {program}): use that program, or run again with this one"
+            "a file kept by this program (boresight {program}): use that program, or run again with this one"
         );
         return wrong(Location::Line(1), &found, &expected);
     }
@@ -82,8 +85,8 @@ fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8], program: &str) -> Resul
         Ok((value, [])) => Ok(value),
         _ => wrong(
             Location::Whole,
-            "another value than is kept under this name",
-            "what this program writes; run again",
+            "a value of another kind",
+            "the value that this program keeps under this name: run again",
         ),
     }
 }
@@ -146,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_files_and_those_of_other_programs_are_named() {
+    fn damaged_files_and_files_of_other_programs_are_refused() {
         let path = Path::new("value.kept");
         let bytes = bytes_of(&value()).unwrap();
         let refused = |bytes: &[u8], program: &str| {

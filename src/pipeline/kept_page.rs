@@ -1,4 +1,4 @@
-//! The content of a run's page, kept beside it, so that the page can be made again without computing.
+//! The content of a run's page, kept beside the page, so that it can be made again without computing.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::report::content::Content;
 
 /// Name of the file.
 pub const NAME: &str = "report.kept";
-/// Name of the page that is made from it.
+/// Name of the page that is made from this file.
 const PAGE: &str = "report.html";
 
 /// The bytes that keep the content of a page and the absolute path of its project, some of whose settings concern only
@@ -37,11 +37,11 @@ pub fn report(folder: &Path, progress: &dyn Progress) -> Result<Outcome> {
     let (path, mut content) = read(folder)?;
     let path = Path::new(&path);
     if path.is_file() {
-        let set = Project::read(path);
-        match set.and_then(|project| page::settings_of(&project, &mut content)) {
+        let project = Project::read(path);
+        match project.and_then(|project| page::settings_of(&project, &mut content)) {
             Ok(()) => {}
             Err(error) => progress.warn(&format!(
-                "the settings of the page are those of the run, as the project cannot be read: {error}"
+                "the page has the settings of the run, because the project cannot be read: {error}"
             )),
         }
     }
@@ -61,11 +61,11 @@ fn read(folder: &Path) -> Result<(String, Content<'static>)> {
     if !path.exists() {
         return Err(Error::data(
             format!(
-                "{}: there is no {NAME}, which a run keeps for its page",
+                "{}: there is no {NAME}, in which a run keeps the content of its page",
                 folder.display()
             ),
-            "name the folder with the results of `boresight run` or `boresight demo`; older runs kept nothing: \
-             run them again",
+            "name the folder with the results of `boresight run` or `boresight demo`; if an older program ran there, \
+             run again",
         ));
     }
     kept::read(&path)

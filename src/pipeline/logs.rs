@@ -2,7 +2,7 @@
 
 use super::inputs::size;
 use crate::error::Result;
-use crate::feed::{Feed, own_clock};
+use crate::feed::{Feed, log_clock};
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Record, RejectedRow};
@@ -38,13 +38,13 @@ impl DriveLogs {
         let all = positions.chain(heading).chain([&logs.imu.path]);
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
         let feed = Feed::new(project, logs);
-        let imu = feed.imu(&logs.imu.path, own_clock)?;
+        let imu = feed.imu(&logs.imu.path, log_clock)?;
         stage.advance(size(&logs.imu.path))?;
         let settings = feed.settings();
         let mut positions = Vec::with_capacity(logs.positions.len());
         let mut rejected = Vec::new();
         for (sensor, log) in logs.positions.iter().enumerate() {
-            let read = feed.positions(sensor, &log.path, own_clock)?;
+            let read = feed.positions(sensor, &log.path, log_clock)?;
             stage.advance(size(&log.path))?;
             let (fixes, rows) = (read.fixes, read.rejected);
             let name = &settings.positions[sensor].name;
@@ -54,7 +54,7 @@ impl DriveLogs {
         }
         let mut heading = Vec::new();
         if let Some(log) = &logs.heading {
-            heading = feed.heading(&log.path, own_clock)?;
+            heading = feed.heading(&log.path, log_clock)?;
             stage.advance(size(&log.path))?;
         }
         Ok(Self {
@@ -111,9 +111,9 @@ mod tests {
     use std::sync::Mutex;
 
     #[derive(Default)]
-    struct Heard(Mutex<Vec<String>>);
+    struct Messages(Mutex<Vec<String>>);
 
-    impl Progress for Heard {
+    impl Progress for Messages {
         fn begin(&self, _stage: &str, _total: u64) {}
         fn advance(&self, _units: u64) {}
         fn end(&self) {}
@@ -157,8 +157,8 @@ mod tests {
         let Motion::Logs(logs) = &project.motion else {
             panic!("logs");
         };
-        let heard = Heard::default();
-        let read = DriveLogs::read(&project, logs, &heard).unwrap();
+        let messages = Messages::default();
+        let read = DriveLogs::read(&project, logs, &messages).unwrap();
         let motion = read.motion();
         assert_eq!(motion.imu[0].time_s, 11.0);
         assert_eq!(motion.heading[0].time_s, 14.0);
@@ -172,21 +172,21 @@ mod tests {
         let antenna = &motion.positions[1][0];
         assert_eq!((antenna.time_s, antenna.covariance_m2), (13.0, None));
         assert_eq!(antenna.position_m, Vec3::new(1.0, 2.0, 3.0));
-        // All rows are kept, the first of them listed.
+        // All rejected rows are in the result; only the first ones are listed in messages.
         assert_eq!(read.rejected.len(), 25);
         assert_eq!((read.rejected[0].line, read.rejected[0].time_s), (3, 9.0));
-        let heard = heard.0.into_inner().unwrap();
-        assert_eq!(heard.len(), 22);
+        let messages = messages.0.into_inner().unwrap();
+        assert_eq!(messages.len(), 22);
         assert!(
-            heard[19].ends_with("polar.csv, line 22, 9 s: zero range"),
+            messages[19].ends_with("polar.csv, line 22, 9 s: zero range"),
             "{}",
-            heard[19]
+            messages[19]
         );
-        assert_eq!(heard[20], "prism: rejected 5 more rows");
+        assert_eq!(messages[20], "prism: rejected 5 more rows");
         assert!(
-            heard[21].starts_with("warning: 25 of 26 rows of `prism` contain"),
+            messages[21].starts_with("warning: 25 of 26 rows of `prism` contain"),
             "{}",
-            heard[21]
+            messages[21]
         );
     }
 }

@@ -4,6 +4,7 @@
 
 mod analyse;
 mod calibrated;
+mod calibration_drive;
 pub mod clouds;
 mod commands;
 pub mod compare;
@@ -25,7 +26,6 @@ mod mounting;
 pub mod online;
 mod outcome;
 pub mod overlap;
-mod own;
 mod page;
 mod placement;
 mod poses;

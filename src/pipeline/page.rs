@@ -65,7 +65,7 @@ pub fn settings_of(project: &Project, content: &mut Content) -> Result<()> {
     Ok(())
 }
 
-/// The positions of the sensors on the body; the fans are those of the points in its `scene`.
+/// The positions of the sensors on the body, and the fans of the scanners from the points of `scene`.
 pub fn platform(project: &Project, scene: Option<&Scene>) -> Platform {
     let marks = match &project.motion {
         Motion::Logs(logs) => {

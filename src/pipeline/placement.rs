@@ -20,20 +20,21 @@ use crate::project::{Motion, Project};
 use crate::results::Results;
 use crate::verdict::Verdict;
 
-/// A project with the mountings and poses that place its points: its own, or the results of an earlier run.
+/// A project with the mountings and poses with which its points are placed: those of the project, or the results of an
+/// earlier run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placement {
     project: Project,
     rig: Rig,
     inputs: Vec<PathBuf>,
     calibration: Option<PathBuf>,
-    /// Remarks on their choice, for the log.
+    /// Remarks on the choice of values, for the log.
     remarks: Vec<String>,
 }
 
 impl Placement {
-    /// Reads the mountings of `calibration`, and checks that every file exists that is needed to place points. The
-    /// poses come from `trajectory`. The project's own are used for either one that is `None`.
+    /// Reads the mountings from `calibration`, and checks that every file exists that is needed to place points. The
+    /// poses come from `trajectory`. Where one of them is `None`, the project's mountings or poses are used.
     ///
     /// # Errors
     /// A missing file; see [`Project::calibrated_scanners`].
@@ -63,12 +64,12 @@ impl Placement {
         project.check_files()?;
         let offsets = project.scanners.iter().zip(&rig.time_offsets_s);
         let remarks = offsets
-            .filter(|(own, used_s)| own.time_offset_s != **used_s)
-            .map(|(own, used_s)| {
+            .filter(|(scanner, used_s)| scanner.time_offset_s != **used_s)
+            .map(|(scanner, used_s)| {
                 format!(
                     "scanner `{}`: the time offset is {used_s} s, as in the calibration, not {} s, as in \
                      the project",
-                    own.name, own.time_offset_s
+                    scanner.name, scanner.time_offset_s
                 )
             })
             .collect();
@@ -88,21 +89,22 @@ impl Placement {
 
     /// The files with the mountings and with the poses, or with the logs of the poses.
     fn sources(&self) -> [&Path; 2] {
-        let own = &self.project.path;
+        let project_file = &self.project.path;
         let poses = match &self.project.motion {
-            Motion::Logs(_) => own,
+            Motion::Logs(_) => project_file,
             Motion::Poses(poses) => &poses.path,
         };
-        [self.calibration.as_ref().unwrap_or(own), poses]
+        [self.calibration.as_ref().unwrap_or(project_file), poses]
     }
 
     /// A verdict if the mountings of the project are used although there is a newer calibration.
     fn newer_calibration(&self) -> Option<Verdict> {
-        let own = &self.project.path;
-        let calibration_file = own.with_file_name("out").join("calibration.toml");
+        let project_file = &self.project.path;
+        let calibration_file = project_file.with_file_name("out").join("calibration.toml");
         let changed = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
-        let is_newer = self.calibration.is_none() && changed(&calibration_file)? > changed(own)?;
-        is_newer.then(|| judgement::newer_calibration(own, &calibration_file))
+        let is_newer =
+            self.calibration.is_none() && changed(&calibration_file)? > changed(project_file)?;
+        is_newer.then(|| judgement::newer_calibration(project_file, &calibration_file))
     }
 
     /// A verdict if the mountings come from a calibration that is marked as not usable.
@@ -135,7 +137,7 @@ pub fn marked_unusable(calibration: &Path) -> Result<Option<Verdict>> {
     Ok(is_unusable.then(|| judgement::unusable_calibration(calibration)))
 }
 
-/// Checks the file of the poses first, because no key of the project names it.
+/// Checks that the file of the poses, which no key of the project names, can be opened.
 fn check_poses(path: &Path) -> Result<()> {
     if path.is_dir() {
         let expected = "a file of poses, such as `trajectory.csv` in it";

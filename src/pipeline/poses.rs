@@ -1,4 +1,4 @@
-//! The stage that makes the poses: it corrects and adjusts logs and tests their constants, or reads a file.
+//! The stage that makes the poses: it corrects and adjusts logs and tests the project's constants, or reads a file.
 
 use std::time::Instant;
 
@@ -21,15 +21,16 @@ use crate::trajectory::{
 };
 use crate::verdict::{Severity, Verdict};
 
-/// Longest step between nodes that scans correct, seconds; it also applies without fixes of the prism.
+/// Longest time between nodes if the joint adjustment corrects the poses, seconds, also where the prism has no fixes.
 const JOINT_STEP_S: f64 = 0.25;
 
-/// If an IMU is noisier than its datasheet by more than this factor, its noise is estimated: such a vehicle vibrates.
+/// If an IMU is noisier than its datasheet by more than this factor, because the vehicle vibrates, its noise is
+/// estimated.
 const NOTABLE_NOISE: f64 = 1.2;
 
 /// Warning for poses without standard deviations.
-const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting \
-     assume exact poses and are too small";
+const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: the standard deviations of \
+     the mounting assume exact poses and are too small";
 
 /// The trajectory of the body, estimated or read.
 #[derive(Debug)]
@@ -101,7 +102,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
 ///
 /// # Errors
 /// See [`crate::preflight::logs`].
-fn put_right(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
+fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
     let file = |log: Log| {
         let path = match log {
             Log::Imu => &files.imu.path,
@@ -170,7 +171,7 @@ fn poses_from_logs(
     if project.is_joint && !project.scanners.is_empty() {
         logs.settings.max_step_s = JOINT_STEP_S;
     }
-    let contradicted = put_right(&mut logs, files)?;
+    let contradicted = correct_faults(&mut logs, files)?;
     for verdict in &contradicted {
         progress.verdict(&verdict.text);
     }
@@ -180,7 +181,7 @@ fn poses_from_logs(
     }
     let begun = Instant::now();
     let mut estimated = estimate(&logs.motion(), &logs.settings, progress)?;
-    // Constants and noise that fit wrong axes or signs mean nothing.
+    // Constants and noise that are estimated with wrong axes or signs are meaningless.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
     let mut doubts = if is_sound {
         doubts(
@@ -233,8 +234,8 @@ fn poses_from_logs(
     })
 }
 
-/// The verdicts on the raw logs of a project, with or without contradictions, and without an adjustment; empty if the
-/// project has poses.
+/// The verdicts on the raw logs of a project, including one that they are consistent, without an adjustment; empty if
+/// the project has poses.
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
@@ -242,7 +243,7 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     match &project.motion {
         Motion::Logs(files) => {
             let mut logs = DriveLogs::read(project, files, &Silent)?;
-            let mut verdicts = put_right(&mut logs, files)?;
+            let mut verdicts = correct_faults(&mut logs, files)?;
             if verdicts.is_empty() {
                 verdicts.push(judgement::consistent_logs());
             }
@@ -259,7 +260,7 @@ fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
         let crs = project.crs.as_ref();
         nodes.extend(format::read_projected_trajectory(path, project.axes, crs)?);
     }
-    // The sort is stable: of poses at the same time, that of the first file remains.
+    // The sort is stable: if files have poses at the same time, the pose of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     nodes.dedup_by(|later, earlier| later.time_s == earlier.time_s);
     for node in &mut nodes {

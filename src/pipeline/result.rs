@@ -60,7 +60,7 @@ pub fn document(findings: &Findings) -> Value {
     document
 }
 
-/// Puts `headline` and `verdicts` into a document.
+/// Adds `headline` and `verdicts` to a document.
 pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
     document["headline"] = json!(Headline::of(verdicts));
     document["verdicts"] = json!(verdicts);
@@ -242,8 +242,9 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
 
 /// The displacements of the poses of a drive by the adjustment, the precision of points, and the jumps of mountings.
 fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
-    let rms = |of: &dyn Fn(usize) -> Vec3| {
-        let sum = (0..drive.moved.len()).map(of).map(|v| v.component_mul(&v));
+    let rms = |displacement: &dyn Fn(usize) -> Vec3| {
+        let displacements = (0..drive.moved.len()).map(displacement);
+        let sum = displacements.map(|v| v.component_mul(&v));
         (sum.sum::<Vec3>() / drive.moved.len().max(1) as f64).map(f64::sqrt)
     };
     let jumps = drive.jumps.iter().map(|jump| {

@@ -1,4 +1,4 @@
-//! The scanners as a run knows them.
+//! The scanners with the values that a run uses.
 
 use std::path::Path;
 
@@ -12,8 +12,8 @@ use crate::joint::Compliance;
 use crate::project::{Project, Scanner};
 use crate::trajectory::Trajectory;
 
-/// The scanners of a drive as a run knows them, in the order of its project, and the scales that suit their points. A
-/// run begins with the values of the project; each stage then uses what earlier stages found.
+/// The scanners of a drive with the values that a run uses, in the order of its project, and the scales that suit their
+/// points. A run begins with the values of the project; each stage then uses the results of earlier stages.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rig {
     /// The mountings.
@@ -32,7 +32,7 @@ impl Rig {
         Self::of(&project.scanners, project)
     }
 
-    /// The values of a project, with those of its scanners from a `calibration.toml`.
+    /// The values of a project, with the values of its scanners from a `calibration.toml`.
     ///
     /// # Errors
     /// See [`Project::calibrated_scanners`].
@@ -66,7 +66,7 @@ impl Rig {
         }
     }
 
-    /// The same with these poses of the scanners on the body.
+    /// A copy with these poses of the scanners on the body.
     pub fn with_poses(&self, poses: &[BodyFromScanner]) -> Self {
         let mut rig = self.clone();
         for (mounting, pose) in rig.mountings.iter_mut().zip(poses) {

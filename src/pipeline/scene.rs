@@ -1,6 +1,6 @@
 //! The three-dimensional scene of a drive for the page.
 
-use super::clouds::KeptPoints;
+use super::clouds::CloudSample;
 use super::rig::Rig;
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::Vec3;
@@ -8,18 +8,18 @@ use crate::joint::SurfelPlane;
 use crate::project::Project;
 use crate::report::scene::{Input, Scan, Scene, View, gather};
 
-/// Most points of a drive, and of all drives together: the page then has a size of some megabytes.
+/// Largest numbers of points of a drive and of all drives together: the page then has a size of some megabytes.
 const MOST_OF_DRIVE: usize = 200_000;
 const MOST: usize = 570_000;
 
-/// A drive with the data for its scene.
-pub struct Shown<'a> {
+/// The data from which the scene of a drive is made.
+pub struct SceneInput<'a> {
     /// Its project.
     pub project: &'a Project,
     /// Its scanners.
     pub rig: &'a Rig,
-    /// The kept points of the drive.
-    pub kept: &'a KeptPoints,
+    /// An even sample of the points of each scanner.
+    pub samples: &'a [CloudSample],
     /// The distances of its clouds.
     pub agreements: &'a Agreements,
     /// The settings with which the distances were computed.
@@ -32,17 +32,17 @@ pub struct Shown<'a> {
     pub drives: usize,
 }
 
-impl Shown<'_> {
-    /// The scene with the points placed in these ways, except by the truth; `None` without points.
-    pub fn with<'a>(&self, views: impl Iterator<Item = View<'a>>) -> Option<Scene> {
+impl SceneInput<'_> {
+    /// The scene with the points placed as in these views, except that of the true mountings; `None` without points.
+    pub fn scene<'a>(&self, views: impl Iterator<Item = View<'a>>) -> Option<Scene> {
         let scanners = self.rig.mountings.iter().zip(&self.rig.time_offsets_s);
         let scans = scanners
-            .zip(self.kept)
-            .map(|((mounting, offset_s), kept)| Scan {
+            .zip(self.samples)
+            .map(|((mounting, offset_s), sample)| Scan {
                 name: &mounting.name,
                 time_offset_s: *offset_s,
-                of: kept.of,
-                points: &kept.points,
+                total: sample.total,
+                points: &sample.points,
             });
         gather(&Input {
             origin_m: self.project.origin_m,

@@ -17,9 +17,11 @@ use crate::sensor::PoseRecord;
 use crate::tiles::CloudSource;
 use crate::trajectory::{PositionSettings, Solution, Trajectory};
 
+/// Checks that no two scanners have a file in common.
+///
 /// # Errors
 /// Two scanners with a file in common.
-fn check_own_files(project: &Project) -> Result<()> {
+fn check_no_shared_files(project: &Project) -> Result<()> {
     for (index, scanner) in project.scanners.iter().enumerate() {
         for other in &project.scanners[..index] {
             let mut files = other.profiles.iter();
@@ -45,7 +47,7 @@ pub fn samples(
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
-    check_own_files(project)?;
+    check_no_shared_files(project)?;
     let all = project
         .scanners
         .iter()
@@ -128,11 +130,12 @@ pub fn check_reference(
         .iter()
         .zip(samples)
         .flat_map(|(mounting, sample)| sample.placed(&mounting.body_from_scanner));
-    let (Some(scanned), Some(known)) = (box_of(scanned), box_of(reference.iter().copied())) else {
+    let (Some(scanned), Some(reference)) = (box_of(scanned), box_of(reference.iter().copied()))
+    else {
         return Ok(());
     };
     let gap_m = (0..3)
-        .map(|axis| (known.0[axis] - scanned.1[axis]).max(scanned.0[axis] - known.1[axis]))
+        .map(|axis| (reference.0[axis] - scanned.1[axis]).max(scanned.0[axis] - reference.1[axis]))
         .fold(f64::NEG_INFINITY, f64::max);
     if gap_m < MARGIN_M {
         return Ok(());
@@ -153,7 +156,7 @@ pub fn check_reference(
         format!(
             "{file}: the reference ({}) and the scanners' points ({}) do not overlap: the gap \
              is {gap_m:.1} m",
-            text(known),
+            text(reference),
             text(scanned)
         ),
         "check that the reference and the prism log are in the same world coordinates; or leave \

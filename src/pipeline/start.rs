@@ -16,18 +16,18 @@ use crate::statistics::median;
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
-/// Duration of the search for a better start, in evaluations of one start.
+/// Work units of the search for a better start; evaluating one start is one unit.
 const SEARCH_UNITS: u64 = 6;
 /// Smallest sufficient value of the coarsest scale, as a share of the distance between the clouds.
 const SCALE_PER_MISFIT: f64 = 0.5;
-/// Fewest neighbourhoods of a scale that is added.
+/// Smallest number of neighbourhoods of a scale that is added.
 const NEIGHBOURHOODS: usize = 10;
 /// Distance between clouds beyond which no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
-/// The finest scale of a close-range scanner, metres, and of any at this share of its ranges.
+/// The finest scale is at least this, metres, or this share of the median range if that is less.
 const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
-/// Displacement of the body, as a share of the ranges, during which the points are recorded whose spacing is measured.
+/// The spacing of points is measured over a stretch on which the body moves by this share of the median range.
 const MOVED_SHARE: f64 = 0.05;
 
 /// The rig with scales that match the spacing of its points, if the project asks for automatic scales.
@@ -46,22 +46,24 @@ pub fn with_scales(
     }
     let mut finest_m: Option<f64> = None;
     for number in 0..project.scanners.len() {
-        let found_m = finest_scale(project, &rig, number, trajectory)?;
-        finest_m = finest_m.into_iter().chain(found_m).reduce(f64::max);
+        let scale_m = finest_scale(project, &rig, number, trajectory)?;
+        finest_m = finest_m.into_iter().chain(scale_m).reduce(f64::max);
     }
     let Some(finest_m) = finest_m else {
         progress
-            .say("how far points lie apart cannot be seen: the scales are those of close range");
+            .say("the spacing of the points cannot be determined: scales for close range are used");
         return Ok(rig);
     };
     // Round to two digits.
     let digit = 10f64.powf(finest_m.log10().floor() - 1.0);
     let finest_m = (finest_m / digit).round() * digit;
     let sizes = &mut rig.voxel_sizes_m;
-    let own_m = sizes[sizes.len() - 1];
-    sizes.iter_mut().for_each(|size| *size *= finest_m / own_m);
+    let project_m = sizes[sizes.len() - 1];
+    sizes
+        .iter_mut()
+        .for_each(|size| *size *= finest_m / project_m);
     progress.say(&format!(
-        "the finest scale is {:.1} mm, by range and spacing of points",
+        "the finest scale is {:.1} mm, from the ranges and the spacing of the points",
         1e3 * finest_m
     ));
     Ok(rig)
@@ -101,8 +103,8 @@ fn finest_scale(
 /// The start of the calibration of a project.
 #[derive(Serialize, Deserialize)]
 pub struct Start {
-    /// The mountings of the project, unless the clouds take up much less space with others; and its scales, preceded by
-    /// coarser ones if the clouds lie farther apart than the scales of the project reach.
+    /// The mountings of the project, or others with which the clouds take up much less space; and the scales of the
+    /// project, preceded by coarser ones if the clouds lie too far apart for them.
     pub rig: Rig,
     /// Contradictions between the scans and their placement.
     pub verdicts: Vec<Verdict>,
@@ -126,7 +128,7 @@ pub fn start(
         })
     };
     let stage = progress.stage("checking the placement", SEARCH_UNITS + 2);
-    let own = placed(rig);
+    let initial = placed(rig);
     progress.advance(1);
     let better = better_start(&rig.mountings, samples, reference);
     progress.advance(SEARCH_UNITS);
@@ -136,12 +138,12 @@ pub fn start(
     let (placed, mut begin, mut verdicts) = match better {
         // A better start is not used if a usual mistake explains the scans about as well.
         Some((other, better))
-            if other.is_as_close_as(&own) && !own.is_explained_as_well_as(&other) =>
+            if other.is_as_close_as(&initial) && !initial.is_explained_as_well_as(&other) =>
         {
             let verdicts = far_starts(&rig.mountings, &better.mountings);
             (other, better, verdicts)
         }
-        _ => (own, rig.clone(), Vec::new()),
+        _ => (initial, rig.clone(), Vec::new()),
     };
     let apart_m = placed.apart_m();
     verdicts.extend(placed.verdict);
@@ -157,7 +159,7 @@ pub fn start(
     }
 }
 
-/// The scales, preceded by coarser ones if the clouds lie farther apart than the scales reach, as far as these have at
+/// The scales of `rig`, preceded by coarser ones if the clouds lie too far apart for them, as long as these have at
 /// least `fewest` points.
 fn scales_for(
     rig: &Rig,

@@ -54,7 +54,7 @@ pub fn calibration(findings: &Findings) -> String {
 
 /// The stages that were not run again, and the folder of finished stages.
 fn stages(findings: &Findings) -> String {
-    let Some(kept) = &findings.kept else {
+    let Some(kept) = &findings.kept_stages else {
         return String::new();
     };
     let mut text = String::new();

@@ -300,7 +300,7 @@ fn mistakes_in_one_drive_leave_the_others_and_mistakes_in_the_campaign_are_repor
 
     fs::write(&path, "[campaign]\ndrives = \"{date}/{plot}/drive.toml\"\n").unwrap();
     let none = boresight(&["campaign", path.to_str().unwrap()]);
-    none.assert_failed_with(&["no file and no folder that is `{date}/{plot}/drive.toml`"]);
+    none.assert_failed_with(&["no file and no folder that matches `{date}/{plot}/drive.toml`"]);
     let missing = boresight(&["campaign", root.join("none.toml").to_str().unwrap()]);
     missing.assert_failed_with(&["none.toml"]);
 }

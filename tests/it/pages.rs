@@ -66,7 +66,7 @@ fn a_page_written_again_is_the_same() {
     fs::write(&stored, "notes\n").unwrap();
     refused(&["report.kept, line 1", "another file"]);
     fs::remove_file(&stored).unwrap();
-    refused(&["there is no report.kept", "run them again"]);
+    refused(&["there is no report.kept", "run again"]);
     fs::write(drive.join("project.toml"), "").unwrap();
     fs::write(&stored, &whole).unwrap();
     let run = again();

@@ -60,7 +60,11 @@ fn a_printed_page_is_complete_or_absent() {
         "printf '%%PDF-1.4 ' > \"$pdf\"; echo out of paper >&2; exit 3",
         &page,
     );
-    run.assert_failed_with(&["exit status: 3", "out of paper", "the page itself is there"]);
+    run.assert_failed_with(&[
+        "exit status: 3",
+        "out of paper",
+        "the page itself was written",
+    ]);
     assert!(page.is_file() && !pdf.exists());
 
     let arguments = at("arguments");
@@ -110,6 +114,6 @@ fn an_installed_browser_prints_a_page_and_a_missing_one_is_an_error() {
                 pdf.len()
             );
         }
-        _ => run.assert_failed_with(&["--pdf", "no browser that prints"]),
+        _ => run.assert_failed_with(&["--pdf", "no browser that can print"]),
     }
 }

@@ -22,8 +22,8 @@ const MOVES_MS = 450;
 /** Edge of a point, metres. */
 const POINT_M = 0.009;
 
-const KEYS = 'Drag turns, with Shift or two fingers it shifts; after a click the wheel zooms. Keys: arrows turn, Shift with '
-  + 'arrows shifts, + and − zoom, Home returns, T looks from above, Enter picks the point in the middle.';
+const KEYS = 'Drag to turn, with Shift or two fingers to pan; after a click, the wheel zooms. Keys: arrows turn, Shift with '
+  + 'arrows pans, + and − zoom, Home returns to the whole view, T looks from above, Enter picks the point in the middle.';
 
 export class App {
   constructor(root, headers) {
@@ -122,7 +122,7 @@ export class App {
     return table(this.theme.unknown, (t) => along(this.theme.viridis, t));
   }
 
-  /** Looks at the middle four fifths of the points. */
+  /** Fits the view to the points, without the outermost 2 % on each side of each axis. */
   frame() {
     const positions = this.drive.positions(this.variant);
     const every = Math.max(1, Math.floor(this.drive.points / 20000));
@@ -147,13 +147,13 @@ export class App {
     this.mountings = segmented('Mounting', drive.variants.map(({ name }) => name), this.variant, (v) => this.setVariant(v));
     const colours = namesFor(drive).map((name) => [name, name]);
     const sizes = limits().map((m) => [m, `± ${millimetres(m)} mm`]);
-    this.limit = choice('Colours to', sizes, this.limitM, (m) => { this.limitM = m; this.recolour(); });
+    this.limit = choice('Colour range', sizes, this.limitM, (m) => { this.limitM = m; this.recolour(); });
     parts.push(
       this.mountings,
       choice('Colour', colours, this.colour, (name) => { this.colour = name; this.recolour(); }),
       this.limit,
     );
-    const checks = el('div', { class: 'scene-checks', role: 'group', 'aria-label': 'What is shown' });
+    const checks = el('div', { class: 'scene-checks', role: 'group', 'aria-label': 'Layers' });
     if (drive.fans.length > 1) {
       for (const fan of drive.fans) checks.append(checkbox(fan.name, true, (on) => this.showFan(fan, on)));
     }
@@ -256,7 +256,7 @@ export class App {
     this.stage.ask();
   }
 
-  /** Draws points as large as their spacing, at least a pixel and a half. */
+  /** Draws points as large as their usual spacing, within limits in pixels. */
   fitPoints() {
     const { renderer, camera } = this.stage;
     const ratio = renderer.getPixelRatio();

@@ -96,7 +96,7 @@ function distances(drive, attribute, limitM, theme) {
       bar: gradient(theme.signed),
       ticks: [`−${limit}`, '0', `+${limit} mm`],
       note: `M3C2 distance to ${drive.against}`,
-      entries: [['none within reach', theme.unknown]],
+      entries: [['no points within reach', theme.unknown]],
     },
   };
 }

@@ -8,9 +8,9 @@ import { hasWebGl } from './view/stage.js';
 const say = (root, text) => root.replaceChildren(el('p', { class: 'note scene-message', role: 'status' }, text));
 
 async function start(root, { format, drives }) {
-  if (format !== 1) return say(root, 'These clouds were written by another version.');
+  if (format !== 1) return say(root, 'These clouds were written by another version of boresight.');
   if (typeof DecompressionStream === 'undefined') {
-    return say(root, 'This browser cannot unpack the clouds: one of 2023 or later can.');
+    return say(root, 'This browser cannot unpack the clouds: use one from 2023 or later.');
   }
   if (!hasWebGl()) {
     return say(root, 'This browser does not draw in three dimensions (WebGL 2 is off or missing). The maps above show the same distances.');
@@ -18,7 +18,7 @@ async function start(root, { format, drives }) {
   say(root, 'Unpacking the clouds …');
   try {
     const app = new App(root, drives);
-    root.viewer = app; // for tests and for the curious
+    root.viewer = app; // for tests
     await app.open(0);
     root.dataset.state = 'ready';
   } catch (error) {

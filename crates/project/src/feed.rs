@@ -1,5 +1,5 @@
-//! The records of a drive's logs, in common time and with the project's origin subtracted: of whole logs, of excerpts
-//! of logs that grow, and of lines of one stream. Readers give units and frames; time offsets and the origin are
+//! The records of a drive in common time, with the project's origin subtracted. They come from whole logs, excerpts of
+//! logs that grow, or the lines of a stream. Format readers convert units and frames; time offsets and the origin are
 //! applied here and nowhere else.
 
 use crate::error::{Error, Result};
@@ -9,16 +9,16 @@ use crate::project::{Logs, Project};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, Record};
 use crate::trajectory::TrajectorySettings;
 
-/// Reads the logs of a project. Methods that read a log take `clock`, which may convert the sensor's own times before
-/// the project's time offset is added to them; [`own_clock`] keeps them.
+/// Reads the logs of a project. Methods that read a log take `clock`, which may convert the times of the log before the
+/// project's time offset is added; [`log_clock`] leaves them as they are.
 #[derive(Clone, Copy)]
 pub struct Feed<'a> {
     project: &'a Project,
     logs: &'a Logs,
 }
 
-/// Keeps the sensor's own times.
-pub fn own_clock<T>(_: &mut Vec<T>) {}
+/// Leaves the times of a log as they are.
+pub fn log_clock<T>(_: &mut Vec<T>) {}
 
 impl<'a> Feed<'a> {
     /// The feed of these logs of `project`.
@@ -106,7 +106,7 @@ impl<'a> Feed<'a> {
     /// optionally `sigma_deg`.
     ///
     /// # Errors
-    /// `error` of what was found and what was expected, if the line is not a record.
+    /// The line is not a record: the error that `error` makes from what was found and what was expected.
     pub fn line(&self, text: &str, error: impl Fn(String, String) -> Error) -> Result<Record> {
         let (name, cells) = text.split_once(',').unwrap_or((text, ""));
         let name = name.trim_ascii();

@@ -36,55 +36,55 @@ def command(root: str, out: str, memory_bytes: int | None, threads: int | None) 
 def run(item: str, root: str, out: str, memory_bytes: int | None, threads: int | None) -> Failure | None:
     """Processes an item (JSON). Its results are below `out`; if it fails, returns the reason."""
     with (
-        tempfile.TemporaryFile() as complaints,
+        tempfile.TemporaryFile() as errors,
         subprocess.Popen(
             command(root, out, memory_bytes, threads),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=complaints,
+            stderr=errors,
             # Only this process receives the signals of the terminal.
             start_new_session=True,
         ) as child,
     ):
         assert child.stdin is not None and child.stdout is not None
-        said = b""
+        output = b""
         try:
             child.stdin.write(item.encode() + b"\n")
             # The input stays open, so that the child ends with this process.
             child.stdin.flush()
-            said = child.stdout.read()
+            output = child.stdout.read()
         except BrokenPipeError:
-            # The child has ended; its output says why.
+            # The child has ended; its messages give the reason.
             pass
         except BaseException:
             child.kill()
             raise
         code = child.wait()
-        complaints.seek(0)
-        complained = complaints.read().decode(errors="replace")
-    if said:
-        failure: Failure = json.loads(said)
+        errors.seek(0)
+        messages = errors.read().decode(errors="replace")
+    if output:
+        failure: Failure = json.loads(output)
         return failure
     if code == 0:
         return None
     _boresight.campaign_clean(item, out)
-    return _ended(code, complained, memory_bytes)
+    return _ended(code, messages, memory_bytes)
 
 
-def _ended(code: int, complained: str, memory_bytes: int | None) -> Failure:
+def _ended(code: int, messages: str, memory_bytes: int | None) -> Failure:
     """Why a process ended that reported no failure."""
-    lines = [line.strip() for line in complained.splitlines() if line.strip()]
+    lines = [line.strip() for line in messages.splitlines() if line.strip()]
     last = lines[-1] if lines else ""
     for lack in (line for line in lines if "memory allocation" in line or "MemoryError" in line):
         most = "its memory" if memory_bytes is None else f"{memory_bytes // 1_000_000} MB"
         return {
             "problem": f"out of memory: {most} are not enough ({lack})",
-            "remedy": "give each item more with memory_mb, or do fewer at a time",
+            "remedy": "give each item more with memory_mb, or run fewer at a time",
         }
     how = f"signal {-code}" if code < 0 else f"code {code}"
     return {
         "problem": f"its process ended: {how} {last}".rstrip(),
-        "remedy": "run the campaign again; if it repeats, this drive has met a fault of boresight",
+        "remedy": "run the campaign again; if this drive fails again, report it as a bug in boresight",
     }
 
 

@@ -1,7 +1,7 @@
 //! A page on 127.0.0.1 that shows a run while it works, and then shows its report.
 //!
-//! Pages hold a stream of events open. A page that is closed, or that stops reading, loses only its stream: the work
-//! never waits for a page. Only at the end, the program waits for some seconds until open pages have loaded the report.
+//! Each page holds a stream of events open. If a page is closed or stops reading, only its stream ends: the work never
+//! waits for a page. Only at the end, the program waits up to ten seconds until open pages have loaded the report.
 
 mod http;
 
@@ -40,8 +40,8 @@ const MAX_NAME: usize = 64;
 /// Whether a page shows the work.
 #[derive(Debug, clap::Args)]
 pub(super) struct Watch {
-    /// Show the work in a browser: a page on 127.0.0.1, whose address is printed (a free port, unless PORT is
-    /// given), which becomes the report; at the end, open pages have ten seconds to load it
+    /// Show the work in a browser: a page on 127.0.0.1, whose address is printed (a free port unless PORT is
+    /// given); it turns into the report, which open pages have ten seconds to load at the end
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
     watch: Option<u16>,
 }
@@ -61,7 +61,7 @@ impl Watch {
             return work();
         };
         let server = Server::start(port, terminal.watched())?;
-        // Also with --quiet: without the address, the page cannot be found.
+        // Printed even with --quiet: without the address, the page cannot be opened.
         let _ = writeln!(std::io::stderr(), "watch: {}", server.address);
         let outcome = work();
         server.end(match &outcome {
@@ -104,7 +104,7 @@ impl Server {
         let taken = |error: std::io::Error| {
             Error::data(
                 format!("--watch: port {port} of 127.0.0.1 cannot be used: {error}"),
-                "name another one, or none for a free one",
+                "give another port, or none to use a free one",
             )
         };
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(taken)?;
@@ -177,7 +177,7 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
         Ok(request) => request,
         Err(status) => return refuse(stream, status),
     };
-    // A page of a foreign host name that resolves to this machine is refused.
+    // Requests for other host names that resolve to this machine are refused.
     if !shared.hosts.contains(&request.host) {
         return refuse(stream, "403 Forbidden");
     }
@@ -198,12 +198,12 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
         }
         ("/events", _) => {
             shared.now().pages.insert(page.clone());
-            let told = tell(stream, shared);
-            let is_loading = matches!((&told, &shared.now().end), (Ok(()), Some(Ok(_))));
+            let sent = send_events(stream, shared);
+            let is_loading = matches!((&sent, &shared.now().end), (Ok(()), Some(Ok(_))));
             if !is_loading {
                 shared.forget(&page);
             }
-            told
+            sent
         }
         (_, Some(number)) => {
             let number = number.strip_suffix(".png").and_then(|n| n.parse().ok());
@@ -217,7 +217,7 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
 }
 
 /// Sends progress events to a page until the work has ended.
-fn tell(mut stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
+fn send_events(mut stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
     stream.write_all(
         b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nCache-Control: no-store\r\n\
           Connection: close\r\n\r\n",
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_of_other_names_are_refused() {
+    fn requests_for_other_host_names_are_refused() {
         let (_terminal, _server, port) = server();
         for host in ["boresight.example", "127.0.0.1", "127.0.0.1.example:80", ""] {
             for path in ["/", "/events", "/picture/0.png"] {
@@ -286,40 +286,40 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_told_and_nobody_is_waited_for() {
+    fn a_failure_is_sent_to_pages_and_not_waited_for() {
         let (terminal, server, port) = server();
         terminal.begin("calibration", 10);
         terminal.advance(4);
         let page = ask(port, "/events?page=a", &format!("127.0.0.1:{port}"));
-        let told = std::thread::spawn(move || answer(page));
+        let events = std::thread::spawn(move || answer(page));
         while server.shared.now().pages.is_empty() {
             std::thread::sleep(Duration::from_millis(5));
         }
         let began = Instant::now();
         server.end(Err("no points".into()));
         assert!(began.elapsed() < LAST_CALL / 2, "{:?}", began.elapsed());
-        let told = told.join().unwrap();
-        assert!(told.contains("\"share\":0.4"), "{told}");
+        let events = events.join().unwrap();
+        assert!(events.contains("\"share\":0.4"), "{events}");
         assert!(
-            told.ends_with("event: end\ndata: {\"failed\":\"no points\"}\n\n"),
-            "{told}"
+            events.ends_with("event: end\ndata: {\"failed\":\"no points\"}\n\n"),
+            "{events}"
         );
     }
 
     #[test]
-    fn an_open_page_is_waited_for_until_it_has_the_report() {
+    fn the_program_waits_until_an_open_page_has_loaded_the_report() {
         let (_terminal, server, port) = server();
         let host = format!("127.0.0.1:{port}");
         let mut page = ask(port, "/events?page=a", &host);
         let mut byte = [0];
         page.read_exact(&mut byte).unwrap();
         let loads = std::thread::spawn(move || {
-            let told = answer(page);
+            let events = answer(page);
             assert!(
-                told.ends_with("event: end\ndata: {\"done\":true}\n\n"),
-                "{told}"
+                events.ends_with("event: end\ndata: {\"done\":true}\n\n"),
+                "{events}"
             );
-            // A browser takes some time, too.
+            // A browser also takes some time.
             std::thread::sleep(Duration::from_secs(1));
             answer(ask(port, "/?page=a", &host))
         });

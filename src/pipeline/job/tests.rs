@@ -20,7 +20,7 @@ struct Case(TempDir);
 
 /// The outcome of a job.
 struct Ran {
-    /// The stages that it ran itself.
+    /// The stages that were run and not reused.
     stages: Vec<&'static str>,
     warnings: Vec<String>,
 }
@@ -49,8 +49,8 @@ impl Case {
     fn stage(&self, name: &str) -> PathBuf {
         let start = name.replace(' ', "-") + "-";
         let names = self.kept();
-        let is_it = |kept: &&String| kept.starts_with(&start) && !kept.contains(RESULT);
-        self.finished().join(names.iter().find(is_it).unwrap())
+        let is_result = |name: &&String| name.starts_with(&start) && !name.contains(RESULT);
+        self.finished().join(names.iter().find(is_result).unwrap())
     }
 
     fn kept(&self) -> Vec<String> {
@@ -62,8 +62,8 @@ impl Case {
     /// Runs the stages; `meddle` is called within each of them and may change the input.
     fn run_and(&self, factor: f64, fresh: bool, meddle: impl Fn(&str)) -> Result<Ran> {
         let inputs = Inputs::read(vec![self.input()], &Silent)?;
-        let of_input = Key::default().with(&inputs.hash(&self.input()));
-        let of_factor = of_input.clone().with(&factor);
+        let input_key = Key::default().with(&inputs.hash(&self.input()));
+        let factor_key = input_key.clone().with(&factor);
         let job = Job::new(&self.out(), &[self.input()], &[RESULT], &Silent)?;
         let finished = Finished::beside(&self.out(), inputs, fresh);
         let mut job = job.with_finished(finished);
@@ -72,17 +72,17 @@ impl Case {
             meddle(stage);
             stages.borrow_mut().push(stage);
         };
-        let number = job.once("read", &of_input, |_| {
+        let number = job.once("read", &input_key, |_| {
             ran("read");
             Ok(fs::read_to_string(self.input()).unwrap().trim().to_owned())
         })?;
-        let scaled = job.once("scale up", &of_factor, |progress| {
+        let scaled = job.once("scale up", &factor_key, |progress| {
             ran("scale up");
             progress.warn(WARNING);
             Ok(factor * number.parse::<f64>().unwrap())
         })?;
         let path = job.path(RESULT);
-        job.once_writing("write", &[RESULT.to_owned()], &of_factor, |_| {
+        job.once_writing("write", &[RESULT.to_owned()], &factor_key, |_| {
             ran("write");
             fs::write(&path, scaled.to_string()).unwrap();
             Ok(())
@@ -96,8 +96,8 @@ impl Case {
         })
     }
 
-    /// Runs the stages by this factor; returns those that were run. Their files and warnings are the same whether they
-    /// were run or restored.
+    /// Runs the stages with this factor; returns those that were run. Files and warnings must be the same whether
+    /// stages were run or reused.
     fn run(&self, factor: f64) -> Vec<&'static str> {
         let ran = self.run_and(factor, false, |_| ()).unwrap();
         let written = fs::read_to_string(self.out().join(RESULT)).unwrap();
@@ -113,7 +113,7 @@ impl Case {
 }
 
 #[test]
-fn finished_stages_are_found_again() {
+fn finished_stages_are_reused() {
     let case = Case::new();
     assert_eq!(case.run(2.0), ALL);
     assert_eq!(case.run(2.0), [""; 0]);
@@ -135,7 +135,7 @@ fn every_single_stage_that_is_missing_is_run_again() {
 }
 
 #[test]
-fn what_is_not_whole_is_not_read() {
+fn incomplete_or_changed_files_are_not_used() {
     let case = Case::new();
     case.run(2.0);
     type Damage = fn(&mut Vec<u8>);
@@ -193,7 +193,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
     case.run(3.0);
     let second = case.kept();
     assert_eq!(second.len(), first.len());
-    // The kept stages of the other run, and the input.
+    // The reading stage is kept from the first run; the other two are new.
     let both = second.iter().filter(|name| first.contains(name)).count();
     assert_eq!(both, foreign.len() + 1, "{second:?}");
     for name in foreign {
@@ -202,7 +202,7 @@ fn nothing_but_stages_of_the_last_run_is_kept() {
 }
 
 #[test]
-fn a_job_does_without_what_it_cannot_keep() {
+fn stages_that_cannot_be_kept_do_not_stop_a_job() {
     let case = Case::new();
     fs::write(case.finished(), "a file of the user").unwrap();
     assert_eq!(case.run(2.0), ALL);
@@ -211,7 +211,7 @@ fn a_job_does_without_what_it_cannot_keep() {
 }
 
 #[test]
-fn what_follows_from_files_that_change_is_said_and_not_kept() {
+fn stages_whose_input_changes_during_the_run_are_not_kept() {
     let case = Case::new();
     let meddle = |stage: &str| {
         if stage == "scale up" {
@@ -230,7 +230,7 @@ fn what_follows_from_files_that_change_is_said_and_not_kept() {
 
 #[cfg(unix)]
 #[test]
-fn one_folder_has_one_set_of_stages_whatever_leads_to_it() {
+fn all_paths_to_a_folder_share_its_stages() {
     let case = Case::new();
     case.run(2.0);
     let link = case.0.path().join("link");

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Location, Result};
-use crate::feed::{Feed, own_clock};
+use crate::feed::{Feed, log_clock};
 use crate::format::{self, GrowingTable, Input};
 use crate::progress::Progress;
 use crate::project::Logs;
@@ -45,13 +45,13 @@ pub(super) fn follow(
     loop {
         let mut new = Vec::new();
         if let Some(rows) = imu.new_rows()? {
-            let samples = feed.imu(&rows, own_clock).map_err(|e| imu.locate(e))?;
+            let samples = feed.imu(&rows, log_clock).map_err(|e| imu.locate(e))?;
             new.extend(samples.into_iter().map(Record::Imu));
         }
         if let Some(table) = &mut heading
             && let Some(rows) = table.new_rows()?
         {
-            let fixes = feed.heading(&rows, own_clock);
+            let fixes = feed.heading(&rows, log_clock);
             let fixes = fixes.map_err(|e| table.locate(e))?;
             new.extend(fixes.into_iter().map(Record::Heading));
         }
@@ -59,7 +59,7 @@ pub(super) fn follow(
             let Some(rows) = table.new_rows()? else {
                 continue;
             };
-            let read = feed.positions(sensor, &rows, own_clock);
+            let read = feed.positions(sensor, &rows, log_clock);
             let read = read.map_err(|e| table.locate(e))?;
             for mut row in read.rejected {
                 row.line = table.line(row.line).unwrap_or(row.line);

@@ -368,7 +368,7 @@ fn document(full: Full) -> Value {
         placement: Vec::new(),
         warnings: full.warnings,
         verdicts: Vec::new(),
-        kept: None,
+        kept_stages: None,
     })
 }
 

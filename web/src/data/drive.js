@@ -106,7 +106,7 @@ export class Drive {
     return fan.axes.map(({ low, step, values }) => (values ? low + step * values[index] : low));
   }
 
-  /** x_m = t_mb + R_mb (t_bs + R_bs x_s) of all points, from the origin, metres: x, y, z of each in turn. */
+  /** x_m = t_mb + R_mb (t_bs + R_bs x_s) of all points, from the origin, metres: x, y, z of one point after the other. */
   positions(variant) {
     const known = this.positionsOf.get(variant);
     if (known) return known;
@@ -175,7 +175,7 @@ function readFan(fan, number, first, get) {
   return {
     name: fan.name,
     number,
-    of: fan.of,
+    total: fan.of,
     first,
     points: fan.points,
     axes: [fan.x_m, fan.y_m, fan.z_m].map(axis),
@@ -187,8 +187,8 @@ function readFan(fan, number, first, get) {
   };
 }
 
-/** Points of the reference from the origin, metres: x, y, z of each in turn. */
-function readReference({ axes, step_m: step, of }, get) {
+/** Points of the reference from the origin, metres: x, y, z of one point after the other. */
+function readReference({ axes, step_m: step, of: total }, get) {
   const [x, y, z] = axes.map(get);
   const positions = new Float64Array(3 * x.length);
   for (let i = 0; i < x.length; i++) {
@@ -196,7 +196,7 @@ function readReference({ axes, step_m: step, of }, get) {
     positions[3 * i + 1] = y[i] * step;
     positions[3 * i + 2] = z[i] * step;
   }
-  return { positions, points: x.length, of };
+  return { positions, points: x.length, total };
 }
 
 function readSurfels({ axes, normals, step_m: step, size_m: sizeM, low, high, roughness }, get) {

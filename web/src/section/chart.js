@@ -1,4 +1,4 @@
-// Draws a section on a canvas: along the surface to the right, across it upwards and magnified.
+// Draws a section on a canvas: along the surface to the right, normal to it upwards and magnified.
 
 import { fixed, millimetres } from '../text.js';
 
@@ -137,7 +137,7 @@ function axes(context, { x, y, inner, low, high, lengthM, theme, width, height }
   context.translate(13, MARGIN.top + 0.5 * inner.height);
   context.rotate(-Math.PI / 2);
   context.textBaseline = 'middle';
-  context.fillText('across it (mm)', 0, 0);
+  context.fillText('normal to it (mm)', 0, 0);
   context.restore();
   return width;
 }

@@ -1,6 +1,6 @@
 // The points in the slab of a section.
 
-/** Points farther above or below the surface belong to another surface, metres. */
+/** Points farther above or below the surface than this belong to another surface, metres. */
 const ANOTHER_M = 0.25;
 /** Length of the pieces for which median heights are computed, metres. */
 const PIECE_M = 0.01;
@@ -39,10 +39,10 @@ export function cut(drive, variant, frame, { lengthM, halfM }) {
     if (!series.has(key)) series.set(key, { key, fan, pass, points: [] });
     series.get(key).points.push([s, v]);
   });
-  const found = [...series.values()].sort((a, b) => a.key - b.key);
+  const sorted = [...series.values()].sort((a, b) => a.key - b.key);
   const ground = heights(reference, lengthM, 1);
-  found.forEach((one) => Object.assign(one, offset(one.points, ground, lengthM), { line: line(one.points, lengthM) }));
-  return { reference, line: line(reference, lengthM), series: found };
+  sorted.forEach((one) => Object.assign(one, offset(one.points, ground, lengthM), { line: line(one.points, lengthM) }));
+  return { reference, line: line(reference, lengthM), series: sorted };
 }
 
 /** The median; NaN for an empty list. */

@@ -29,14 +29,14 @@ export function eigenvectors(matrix) {
 
 /** Numbers of the points within `radius` of a centre. */
 function near(positions, centre, radius) {
-  const found = [];
+  const numbers = [];
   for (let i = 0; i < positions.length / 3; i++) {
     const x = positions[3 * i] - centre[0];
     const y = positions[3 * i + 1] - centre[1];
     const z = positions[3 * i + 2] - centre[2];
-    if (x * x + y * y + z * z <= radius * radius) found.push(i);
+    if (x * x + y * y + z * z <= radius * radius) numbers.push(i);
   }
-  return found;
+  return numbers;
 }
 
 function scatter(offsets) {

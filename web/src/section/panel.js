@@ -77,15 +77,15 @@ export class SectionPanel {
         again();
       }),
       choice('Length', LENGTHS_M.map((m) => [m, `${m} m`]), this.lengthM, (m) => { this.lengthM = m; again(); }),
-      choice('Slab', millimetreList(SLABS_M, (mm) => `± ${mm} mm`), this.halfM, (m) => { this.halfM = m; again(); }),
-      choice('Heights', [[0, 'as the points'], ...millimetreList(HEIGHTS_M, (mm) => `± ${mm} mm`)], this.heightM, (m) => { this.heightM = m; again(); }),
+      choice('Thickness', millimetreList(SLABS_M, (mm) => `± ${mm} mm`), this.halfM, (m) => { this.halfM = m; again(); }),
+      choice('Heights', [[0, 'fit the points'], ...millimetreList(HEIGHTS_M, (mm) => `± ${mm} mm`)], this.heightM, (m) => { this.heightM = m; again(); }),
     );
   }
 
   /** Colour and shape of a series: colours stand for scanners, their shades and shapes for passes. */
   style({ fan, pass }) {
     const { series, ink, page } = this.theme;
-    const passes = [...new Set(this.found.series.map((one) => one.pass))].sort((a, b) => a - b);
+    const passes = [...new Set(this.section.series.map((one) => one.pass))].sort((a, b) => a - b);
     const number = passes.indexOf(pass);
     const [ground, share] = [[ink, 0], [ink, 0.45], [page, 0.4], [ink, 0.7], [page, 0.6]][number % 5];
     return {
@@ -98,23 +98,23 @@ export class SectionPanel {
     if (!this.drive || this.canvas.clientWidth === 0) return;
     const { drive, variant, lengthM, halfM, theme } = this;
     this.frame = frameOf(this.surface, this.azimuth);
-    this.found = cut(drive, variant, this.frame, { lengthM, halfM });
-    const [low, high] = this.heightM > 0 ? [-this.heightM, this.heightM] : reach(this.found);
+    this.section = cut(drive, variant, this.frame, { lengthM, halfM });
+    const [low, high] = this.heightM > 0 ? [-this.heightM, this.heightM] : reach(this.section);
     const style = (series) => this.style(series);
-    this.drawn = drawSection(this.canvas, this.found, { lengthM, low, high, theme, style });
+    this.drawn = drawSection(this.canvas, this.section, { lengthM, low, high, theme, style });
     this.describe();
     this.moved(corners(this.frame, lengthM, halfM));
   }
 
   describe() {
-    const { series, reference } = this.found;
+    const { series, reference } = this.section;
     const name = this.drive.variants[this.variant].name;
     const times = this.drawn.exaggeration;
     const exaggeration = times >= 10 ? fixed(times, 0) : fixed(times, 1);
-    this.note.textContent = `${name}. Heights ${exaggeration} times as large as lengths; 0 is the plane through the points of the last mounting. `
+    this.note.textContent = `${name}. Heights are magnified ${exaggeration} times relative to lengths; 0 is the plane through the points of the last mounting. `
       + (reference.length > 0
-        ? `Grey and dashed: the reference, ${reference.length} points. Lines are medians over each centimetre; offsets are from that of the reference, with their spread as 1.48 times the median deviation.`
-        : 'No points of a reference here.');
+        ? `Grey and dashed: the reference, ${reference.length} points. Lines are medians over each centimetre; offsets are from the medians of the reference, and spread is 1.48 times the median absolute deviation.`
+        : 'There are no points of a reference here.');
     const known = series.filter((one) => one.middle !== null);
     const summary = known.map((one) => `${one.fan.name}, pass ${one.pass}: ${signedMillimetres(one.middle)} mm`).join('; ');
     this.canvas.setAttribute('aria-label', `Section, ${name}. ${summary}`);
@@ -133,7 +133,7 @@ export class SectionPanel {
         return el('tr', {},
           el('td', {}, mark),
           el('td', { class: 'text' }, one.fan.name),
-          el('td', {}, one.pass > 0 ? String(one.pass) : 'turn'),
+          el('td', {}, one.pass > 0 ? String(one.pass) : 'turning or at rest'),
           el('td', {}, String(one.points.length)),
           el('td', {}, value(one.middle, (m) => signedMillimetres(m, 2))),
           el('td', {}, value(one.spread, (m) => fixed(1e3 * m, 2))));

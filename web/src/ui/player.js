@@ -41,7 +41,7 @@ export class Player {
   show() {
     if (this.variant < 0) return;
     this.place(platform(this.drive, this.variant, this.fromS + this.time.get(), this.factor, this.app.theme));
-    this.offsets.textContent = `Off their means (grey axes): ${this.offsetsAt(this.fromS + this.time.get())}`;
+    this.offsets.textContent = `Offsets from the mean mountings (grey axes): ${this.offsetsAt(this.fromS + this.time.get())}`;
     this.app.stage.move();
   }
 

@@ -6,7 +6,7 @@ import {
 } from 'three';
 import { FRAGMENT, VERTEX, transformTexture } from './shader.js';
 
-/** The numbers below `n` in a pseudo-random order, the same every time: the first part of it, however long, is spread evenly. */
+/** The numbers below `n` in a pseudo-random order, the same every time; its first part, however long, is spread evenly. */
 export function shuffled(n) {
   const order = Uint32Array.from({ length: n }, (_, i) => i);
   let state = 0x9e3779b9;

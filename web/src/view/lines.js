@@ -16,7 +16,8 @@ function geometry(points) {
   return made;
 }
 
-function own(object) {
+/** Exempts an object from culling by its bounds. */
+function unculled(object) {
   object.frustumCulled = false;
   return object;
 }
@@ -33,7 +34,7 @@ export function way(drive, variant) {
 }
 
 export function wayLine(positions, colour) {
-  return own(new Line(geometry(positions), new LineBasicMaterial({ color: colour })));
+  return unculled(new Line(geometry(positions), new LineBasicMaterial({ color: colour })));
 }
 
 /** The axes of the body at a pose: x, y and z. */
@@ -41,7 +42,7 @@ export function axes(pose, colours, length = AXIS_M) {
   const group = new Group();
   [[length, 0, 0], [0, length, 0], [0, 0, length]].forEach((tip, i) => {
     const ends = [pose.t, apply(pose, tip)];
-    group.add(own(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colours[i] }))));
+    group.add(unculled(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colours[i] }))));
   });
   return group;
 }
@@ -50,14 +51,14 @@ export function axes(pose, colours, length = AXIS_M) {
 /** A cross at a point, of a size in metres. */
 export function cross(at, size, colour) {
   const ends = [0, 1, 2].flatMap((axis) => [-1, 1].map((sign) => at.map((x, i) => x + (i === axis ? sign * size : 0))));
-  const object = own(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colour, depthTest: false })));
+  const object = unculled(new LineSegments(geometry(ends), new LineBasicMaterial({ color: colour, depthTest: false })));
   object.renderOrder = 2;
   return object;
 }
 
 /** The corners of a quadrilateral as a closed line. */
 export function outline(corners, colour) {
-  const object = own(new Line(geometry([...corners, corners[0]]), new LineBasicMaterial({ color: colour, depthTest: false })));
+  const object = unculled(new Line(geometry([...corners, corners[0]]), new LineBasicMaterial({ color: colour, depthTest: false })));
   object.renderOrder = 1;
   return object;
 }
@@ -78,15 +79,15 @@ export function platform(drive, variant, timeS, factor, colours) {
     const points = profilePoints(drive, fan, profile).map((x) => apply(scanner, x));
     const colour = colours.series[fan.number % colours.series.length];
     if (fan.number === 0) group.add(axes(body, colours.axes, 0.5));
-    group.add(own(new Line(geometry([body.t, scanner.t]), new LineBasicMaterial({ color: colours.ink }))));
+    group.add(unculled(new Line(geometry([body.t, scanner.t]), new LineBasicMaterial({ color: colours.ink }))));
     // The axes at the mean mounting.
     group.add(axes(compose(body, mean), [colours.muted, colours.muted, colours.muted], 0.15));
     group.add(axes(scanner, colours.axes, 0.22));
     if (points.length > 1) {
       const triangles = points.slice(1).flatMap((point, i) => [scanner.t, points[i], point]);
       const material = new MeshBasicMaterial({ color: new Color(colour), transparent: true, opacity: 0.3, side: DoubleSide, depthWrite: false });
-      group.add(own(new Mesh(geometry(triangles), material)));
-      group.add(own(new Line(geometry(points), new LineBasicMaterial({ color: colour }))));
+      group.add(unculled(new Mesh(geometry(triangles), material)));
+      group.add(unculled(new Line(geometry(points), new LineBasicMaterial({ color: colour }))));
     }
   });
   return group;

@@ -6,7 +6,7 @@ import {
   UnsignedIntType, Vector2, WebGLRenderTarget,
 } from 'three';
 
-/** How much a nearer neighbour darkens. */
+/** How strongly a nearer neighbour darkens a point. */
 const STRENGTH = 20;
 
 const VERTEX = /* glsl */ `
@@ -32,14 +32,14 @@ void main() {
   float depth = texelFetch(depths, at, 0).r;
   float shade = 1.0;
   if (depth < 1.0) {
-    float own = logDepth(depth);
+    float here = logDepth(depth);
     float sum = 0.0;
     for (int i = 0; i < 8; i++) {
       float angle = 0.785398 * float(i);
       ivec2 beside = clamp(at + ivec2(round(reach * vec2(cos(angle), sin(angle)))), ivec2(0), last);
       float other = texelFetch(depths, beside, 0).r;
       // A far edge in front counts no more than a near one.
-      sum += clamp(own - logDepth(other), 0.0, 0.05);
+      sum += clamp(here - logDepth(other), 0.0, 0.05);
     }
     shade = exp(-${STRENGTH.toFixed(1)} * sum / 8.0);
   }

@@ -3,10 +3,10 @@
 import { Color, ColorManagement, LinearSRGBColorSpace, PerspectiveCamera, Scene, WebGLRenderer } from 'three';
 import { Shading } from './shading.js';
 
-/** Points drawn while the view moves: initially, and the bounds within which their number adapts to the time of a frame. */
+/** Number of points drawn while the view moves: at first, and the bounds within which it adapts to the frame time. */
 const WHILE_MOVING = 150_000;
 const BOUNDS = [20_000, 2_000_000];
-/** Times of a frame between which the number stays, and the time after the last motion until all are drawn, milliseconds. */
+/** Frame times between which this number stays, and the time from the last motion until all points are drawn, milliseconds. */
 const FRAME_MS = [20, 45];
 const SETTLES_MS = 160;
 

@@ -60,11 +60,11 @@ impl NeighbourIndex {
     pub fn surroundings<T: Send + Sync + Clone>(
         &self,
         queries: &[Vec3],
-        of: Neighbourhood,
+        neighbourhood: Neighbourhood,
         progress: &dyn Progress,
         each: impl Fn(usize, &Surroundings) -> T + Sync,
     ) -> Result<Vec<T>> {
-        self.surroundings_of_all(&Self::new(queries), of, progress, each)
+        self.surroundings_of_all(&Self::new(queries), neighbourhood, progress, each)
     }
 
     /// As [`Self::surroundings`], with the points of an index as queries, for example this one's.
@@ -74,7 +74,7 @@ impl NeighbourIndex {
     pub fn surroundings_of_all<T: Send + Sync + Clone>(
         &self,
         queries: &Self,
-        of: Neighbourhood,
+        neighbourhood: Neighbourhood,
         progress: &dyn Progress,
         each: impl Fn(usize, &Surroundings) -> T + Sync,
     ) -> Result<Vec<T>> {
@@ -82,7 +82,7 @@ impl NeighbourIndex {
             tensor: StructureTensor::from_points(&[]),
             reach_m: f64::INFINITY,
         };
-        let mut found = self.in_groups(queries, of, progress, none, |places, found| {
+        let mut found = self.in_groups(queries, neighbourhood, progress, none, |places, found| {
             places
                 .zip(found)
                 .map(|(place, surroundings)| each(queries.indices[place] as usize, surroundings))
@@ -129,7 +129,7 @@ impl NeighbourIndex {
     fn in_groups<Found: Take, T: Send>(
         &self,
         queries: &Self,
-        of: Neighbourhood,
+        neighbourhood: Neighbourhood,
         progress: &dyn Progress,
         nothing: Found,
         each: impl Fn(std::ops::Range<usize>, &[Found]) -> Vec<T> + Sync,
@@ -152,7 +152,7 @@ impl NeighbourIndex {
                         index: self,
                         bounds: group.bounds,
                         queries,
-                        of,
+                        neighbourhood,
                     };
                     solve_group(&task, &mut scratch, &mut found);
                     values.extend(each(group.points(), &found));
@@ -194,7 +194,7 @@ struct Group<'a> {
     /// Bounding box of the queries.
     bounds: Bounds,
     queries: &'a [Vec3],
-    of: Neighbourhood,
+    neighbourhood: Neighbourhood,
 }
 
 /// State carried from group to group.
@@ -288,14 +288,14 @@ fn solve_open<L: Lanes, Found: Take>(
         index,
         ref bounds,
         queries,
-        of,
+        neighbourhood,
     } = group;
     let Scratch {
         candidates,
         reach_m,
         ..
     } = scratch;
-    let k = match of {
+    let k = match neighbourhood {
         Neighbourhood::Nearest(k) => k,
         Neighbourhood::Within(radius) => {
             candidates.gather(index, bounds, radius * (1.0 + 1e-12), usize::MAX);

@@ -68,8 +68,8 @@ impl Search {
     /// Sorts the reference into cells for normals; `None` if none are to be computed, or if the cells
     /// for cylinders serve for both.
     pub(super) fn cells_for_normals(&self, reference: &[Vec3]) -> Option<Cells> {
-        let own = |lattice: &Lattice| Some(*lattice) != self.for_cylinders;
-        let lattice = self.for_normals.filter(own)?;
+        let is_separate = |lattice: &Lattice| Some(*lattice) != self.for_cylinders;
+        let lattice = self.for_normals.filter(is_separate)?;
         Some(Cells::new(reference, lattice))
     }
 
@@ -201,21 +201,21 @@ pub(super) struct Pass<'a> {
     /// Number of this pass, from 0.
     pub(super) number: u64,
     /// Number of passes in the stage.
-    pub(super) of: u64,
+    pub(super) passes: u64,
 }
 
 impl<'a> Pass<'a> {
-    pub(super) fn first(progress: &'a dyn Progress, of: u64) -> Self {
+    pub(super) fn first(progress: &'a dyn Progress, passes: u64) -> Self {
         Self {
             progress,
             number: 0,
-            of,
+            passes,
         }
     }
 
-    /// Reports that this pass has dealt with so many more core points.
+    /// Reports that this pass has finished this many more core points.
     fn advance(&self, core_points: usize) {
-        let units = |passes: u64| core_points as u64 * passes / self.of;
+        let units = |passes: u64| core_points as u64 * passes / self.passes;
         self.progress
             .advance(units(self.number + 1) - units(self.number));
     }

@@ -286,10 +286,10 @@ impl IndexedClouds {
         normals: Normals<'_>,
         progress: &dyn Progress,
     ) -> Result<M3c2> {
-        let of = passes(normals) + 1;
-        let first = Pass::first(progress, of);
+        let passes = passes(normals) + 1;
+        let first = Pass::first(progress, passes);
         let last = Pass {
-            number: of - 1,
+            number: passes - 1,
             ..first
         };
         let surface = self.reference.surface(core, normals, first)?;

@@ -102,7 +102,7 @@ pub fn read_positions(input: impl Into<Input>, observations: &Observations) -> R
     Ok(positions)
 }
 
-/// Converts times of a recorded sensor's own clock to the common time of its recording.
+/// Converts the times of a recorded sensor to the common time of its recording.
 fn put_on_common_time<T: Timed>(clock: Option<&SensorClock>, records: &mut [T]) {
     if let Some(clock) = clock {
         for record in records {

@@ -17,8 +17,8 @@ pub(super) fn scanners(project: &Project, path: &Path) -> Result<Vec<Scanner>> {
     let source = &Source::read(path)?;
     let written: Mountings = source.parsed()?;
     let calibrated = resolve::scanners(source, &written.scanner)?;
-    let with_values = |own: &Scanner| {
-        let Some(same) = calibrated.iter().find(|s| s.name == own.name) else {
+    let with_values = |scanner: &Scanner| {
+        let Some(same) = calibrated.iter().find(|s| s.name == scanner.name) else {
             let names: Vec<String> = calibrated.iter().map(|s| format!("`{}`", s.name)).collect();
             let only = if names.is_empty() {
                 "no scanners".to_owned()
@@ -27,7 +27,7 @@ pub(super) fn scanners(project: &Project, path: &Path) -> Result<Vec<Scanner>> {
             };
             return Err(source.error(
                 &[],
-                format!("{only}, not `{}`", own.name),
+                format!("{only}, not `{}`", scanner.name),
                 &format!(
                     "a [[scanner]] table for every scanner of {}",
                     project.path.display()
@@ -39,7 +39,7 @@ pub(super) fn scanners(project: &Project, path: &Path) -> Result<Vec<Scanner>> {
             convention: same.convention,
             time_offset_s: same.time_offset_s,
             compliance: same.compliance,
-            ..own.clone()
+            ..scanner.clone()
         })
     };
     project.scanners.iter().map(with_values).collect()

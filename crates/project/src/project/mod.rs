@@ -163,12 +163,12 @@ pub fn scanners_to_toml(scanners: &[Scanner]) -> Result<String> {
 }
 
 impl OtherDrive {
-    /// The project of this drive of `own`, with scanners in the order of `own`, and with its settings and origin. The
+    /// The project of this drive, with the order of scanners, the settings and the origin of the main project. The
     /// values of its scanners remain.
     ///
     /// # Errors
-    /// The project cannot be read, or lacks a scanner of `own`.
-    pub fn read(&self, own: &Project) -> Result<Project> {
-        other::read(self, own)
+    /// The project cannot be read, or lacks a scanner of the main project.
+    pub fn read(&self, main: &Project) -> Result<Project> {
+        other::read(self, main)
     }
 }

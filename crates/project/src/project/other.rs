@@ -5,10 +5,10 @@ use super::resolve;
 use crate::error::{Error, Result};
 
 /// See [`OtherDrive::read`].
-pub(super) fn read(drive: &OtherDrive, own: &Project) -> Result<Project> {
+pub(super) fn read(drive: &OtherDrive, main: &Project) -> Result<Project> {
     let other = resolve::read(&drive.project)?;
     let mut scanners = Vec::new();
-    for scanner in &own.scanners {
+    for scanner in &main.scanners {
         let mut theirs = other.scanners.iter();
         let same = theirs.find(|candidate| candidate.name == scanner.name);
         scanners.push(same.cloned().ok_or_else(|| {
@@ -20,11 +20,11 @@ pub(super) fn read(drive: &OtherDrive, own: &Project) -> Result<Project> {
     }
     Ok(Project {
         scanners,
-        calibration: own.calibration.clone(),
-        has_auto_scales: own.has_auto_scales,
-        comparison: own.comparison.clone(),
-        origin_m: own.origin_m,
-        limits: other.limits.or(own.limits),
+        calibration: main.calibration.clone(),
+        has_auto_scales: main.has_auto_scales,
+        comparison: main.comparison.clone(),
+        origin_m: main.origin_m,
+        limits: other.limits.or(main.limits),
         ..other
     })
 }

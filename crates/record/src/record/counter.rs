@@ -33,10 +33,10 @@ impl Counter {
         }
     }
 
-    /// The state that the sensor reports; empty if it reports none.
-    pub(super) fn word(&self) -> String {
+    /// The status that the sensor reports; empty if it reports none.
+    pub(super) fn sensor_status(&self) -> String {
         match self {
-            Self::Sbg(arriving) => arriving.word(),
+            Self::Sbg(arriving) => arriving.device_status(),
             _ => String::new(),
         }
     }

@@ -13,11 +13,11 @@ const COURSES: [&str; 8] = ["N", "NE", "E", "SE", "S", "SW", "W", "NW"];
 
 /// The courses on which the scanners crossed a board.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct BoardCoverage {
     /// The board.
     pub board: String,
     /// Name of each scanner, and the courses on which its fan crossed the board.
-    pub by: Vec<(String, Vec<&'static str>)>,
+    pub courses: Vec<(String, Vec<&'static str>)>,
 }
 
 /// The boards, and on which courses each scanner's fan crossed them.
@@ -55,11 +55,12 @@ impl Coverage {
         }
     }
 
-    pub(super) fn seen(&self) -> Vec<Seen> {
+    /// The courses on which each board was crossed so far.
+    pub(super) fn boards(&self) -> Vec<BoardCoverage> {
         let boards = self.boards.iter().zip(&self.crossed);
-        let seen = boards.map(|(board, crossed)| Seen {
+        let boards = boards.map(|(board, crossed)| BoardCoverage {
             board: board.name.clone(),
-            by: self
+            courses: self
                 .scanners
                 .iter()
                 .zip(crossed)
@@ -69,7 +70,7 @@ impl Coverage {
                 })
                 .collect(),
         });
-        seen.collect()
+        boards.collect()
     }
 }
 
@@ -103,7 +104,7 @@ mod tests {
                     + Vec3::new(heading.sin(), heading.cos(), 0.0) * along;
                 coverage.add(&WorldFromBody::new(rotation, at));
             }
-            coverage.seen()[0].by[0].1.clone()
+            coverage.boards()[0].courses[0].1.clone()
         };
         // The drive ends early: the fan stops 1.5 m before the board.
         assert!(drive(0.0, -5.0, -2.0).is_empty());

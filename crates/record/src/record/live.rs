@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::clock::Clock;
-use super::coverage::{Coverage, Seen};
+use super::coverage::{BoardCoverage, Coverage};
 use super::field::Field;
 use super::tail::Tail;
 use crate::error::{Error, Result};
@@ -18,10 +18,10 @@ use crate::project::{Motion, Project};
 use crate::sensor::Record;
 use crate::trajectory::{Online, OnlineOptions, TrajectorySettings, Update};
 
-/// Interval between checks of the logs for new records.
-const LOOK: Duration = Duration::from_millis(250);
-/// A smoother keeps all its records in memory. After this time another one replaces it, which has run beside it for
-/// [`OVERLAP_S`]. Seconds.
+/// Interval between two reads of the logs.
+const READ_INTERVAL: Duration = Duration::from_millis(250);
+/// A smoother keeps all its records in memory. After this time it is replaced by another one, which has run beside it
+/// for [`OVERLAP_S`]. Seconds.
 const TERM_S: f64 = 1800.0;
 const OVERLAP_S: f64 = 120.0;
 
@@ -32,8 +32,8 @@ pub struct LiveView {
     pub pose: Option<LivePose>,
     /// Why there is no pose.
     pub trouble: Option<String>,
-    /// The boards that have been seen, and from which sides.
-    pub boards: Vec<Seen>,
+    /// The courses on which the scanners crossed each board.
+    pub boards: Vec<BoardCoverage>,
 }
 
 /// The newest pose.
@@ -51,7 +51,8 @@ pub struct LivePose {
     pub heading_sigma_rad: f64,
 }
 
-/// Follows the logs until `stop` and keeps `view` up to date. Errors are shown in `view` and do not stop the recording.
+/// Follows the logs until `stop` is set and keeps `view` up to date. Errors are shown in `view` and do not stop the
+/// recording.
 pub(super) fn follow(
     field: &Field,
     folder: &Path,
@@ -70,18 +71,18 @@ pub(super) fn follow(
         }
     };
     while !stop.load(Ordering::Relaxed) {
-        match live.look(clock.common_s(&clock.now())) {
+        match live.update(clock.common_s(&clock.now())) {
             Ok(()) => show(&|view| {
                 view.pose = live.pose;
-                view.boards = live.coverage.seen();
-                view.trouble = live.missing();
+                view.boards = live.coverage.boards();
+                view.trouble = live.trouble();
             }),
             Err(error) => {
-                live.begin_again(&error);
-                show(&|view| view.trouble = live.missing());
+                live.restart(&error);
+                show(&|view| view.trouble = live.trouble());
             }
         }
-        std::thread::sleep(LOOK);
+        std::thread::sleep(READ_INTERVAL);
     }
 }
 
@@ -124,15 +125,15 @@ impl Live {
         })
     }
 
-    /// Discards the smoothers after an error.
-    fn begin_again(&mut self, error: &Error) {
+    /// Discards the smoothers after an error; the next update begins a new one.
+    fn restart(&mut self, error: &Error) {
         self.smoothers.clear();
         self.pose = None;
         self.failure = Some(error.to_string());
     }
 
-    /// Why there is no pose.
-    fn missing(&self) -> Option<String> {
+    /// Why there is no pose; `None` if there is one.
+    fn trouble(&self) -> Option<String> {
         if self.pose.is_some() {
             return None;
         }
@@ -144,11 +145,11 @@ impl Live {
         let why = self.failure.as_deref();
         let why = why.or_else(|| tails.find_map(Tail::trouble));
         let why = why.or_else(|| smoother.and_then(|(smoother, _)| smoother.waits_for()));
-        Some(why.unwrap_or("waits for the IMU and positions").to_owned())
+        Some(why.unwrap_or("waiting for IMU and positions").to_owned())
     }
 
     /// Reads the new records and updates the pose.
-    fn look(&mut self, common_s: f64) -> Result<()> {
+    fn update(&mut self, common_s: f64) -> Result<()> {
         let new = self.new_records(common_s)?;
         self.renew(common_s)?;
         let mut newest: Option<Update> = None;
@@ -209,7 +210,7 @@ impl Live {
         Ok(new)
     }
 
-    /// Begins the next smoother and ends the present one when their time has come.
+    /// Begins a smoother if there is none or the present one ends soon, and ends the present one after its term.
     fn renew(&mut self, now_s: f64) -> Result<()> {
         let is_due = match self.smoothers.as_slice() {
             [] => true,

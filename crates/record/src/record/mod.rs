@@ -23,11 +23,11 @@ mod tests;
 mod thread;
 
 pub use clock::{Clock, ClockState, Stamp, StepWatch};
-pub use coverage::Seen as SeenBoard;
+pub use coverage::BoardCoverage;
 pub use disk::Room;
 pub use field::{Board, Field, Kind, Source};
 pub use live::{LivePose, LiveView};
 pub use place::{Place, Wire};
 pub use player::Player;
 pub use recorder::{View, folder_for, record};
-pub use status::{Seen, Status};
+pub use status::{SourceState, Status};

@@ -11,7 +11,7 @@ use super::disk::{DiskWatch, Room};
 use super::field::{Field, Kind};
 use super::journal::{Disk, Journal};
 use super::live::{self, LiveView};
-use super::status::{Seen, Status};
+use super::status::{SourceState, Status};
 use super::thread::{Events, SourceThread};
 use super::{station, stream};
 use crate::error::{Error, Result};
@@ -27,7 +27,7 @@ pub struct View {
     /// Common time of the recording, seconds.
     pub common_s: f64,
     /// Name and state of each source.
-    pub sources: Vec<(String, Seen)>,
+    pub sources: Vec<(String, SourceState)>,
     /// The system clock, if chrony answers.
     pub clock: Option<ClockState>,
     /// By how much the clock was set since the last view, seconds.
@@ -158,34 +158,34 @@ fn watch(
             events.add(clock, "clock", "has lost its reference")?;
         }
         was_locked = is_locked;
-        let sources: Vec<(String, Seen)> = (field.sources.iter().zip(status))
-            .map(|(source, status)| (source.name.clone(), status.seen(now)))
+        let sources: Vec<(String, SourceState)> = (field.sources.iter().zip(status))
+            .map(|(source, status)| (source.name.clone(), status.source_state(now)))
             .collect();
         let states = was_silent.iter_mut().zip(&mut has_sent);
-        for ((name, seen), (was_silent, has_sent)) in sources.iter().zip(states) {
-            if seen.is_silent != *was_silent && seen.records > 0 {
-                let word = match (seen.is_silent, *has_sent) {
+        for ((name, source), (was_silent, has_sent)) in sources.iter().zip(states) {
+            if source.is_silent != *was_silent && source.records > 0 {
+                let event = match (source.is_silent, *has_sent) {
                     (true, _) => "silent",
                     (false, true) => "sends again",
                     (false, false) => "sends",
                 };
-                events.add(clock, name, word)?;
+                events.add(clock, name, event)?;
                 *has_sent = true;
             }
-            *was_silent = seen.is_silent;
+            *was_silent = source.is_silent;
         }
-        let bytes: u64 = sources.iter().map(|(_, seen)| seen.bytes).sum();
+        let bytes: u64 = sources.iter().map(|(_, source)| source.bytes).sum();
         let room = disk.room(bytes as f64 / monotonic_s.max(1.0));
         if let Some(room) = room
             && room.is_short() != was_short
         {
             was_short = room.is_short();
-            let word = if was_short {
+            let event = if was_short {
                 "nearly full"
             } else {
                 "has room again"
             };
-            let text = format!("{word}: {:.2} GB free", 1e-9 * room.free);
+            let text = format!("{event}: {:.2} GB free", 1e-9 * room.free);
             events.add(clock, "disk", &text)?;
         }
         let view = View {

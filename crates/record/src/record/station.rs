@@ -88,8 +88,12 @@ fn tracked(
     while thread.goes_on() {
         match station.next_event().map_err(Failure::Link)? {
             Event::Measured(measurement) => logs.add(&measurement).map_err(Failure::Disk)?,
-            Event::Lost => thread.said("prism lost").map_err(Failure::Disk)?,
-            Event::Found => thread.said("locked").map_err(Failure::Disk)?,
+            Event::Lost => thread
+                .report_sensor_status("prism lost")
+                .map_err(Failure::Disk)?,
+            Event::Found => thread
+                .report_sensor_status("locked")
+                .map_err(Failure::Disk)?,
             Event::Note(text) => thread.event(&text).map_err(Failure::Disk)?,
         }
         logs.write_if_due().map_err(Failure::Disk)?;
@@ -173,7 +177,7 @@ impl<'t, 'a> StationLogs<'t, 'a> {
                 let path = self.thread.folder.join(&file);
                 let mut log = Journal::create(&path, self.thread.disk)?;
                 log.append(COORDINATES.as_bytes())?;
-                self.thread.said(&format!(
+                self.thread.report_sensor_status(&format!(
                     "gives coordinates instead of distances: they are in {file}"
                 ))?;
                 log

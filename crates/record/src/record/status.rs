@@ -25,14 +25,14 @@ struct State {
     /// Recent times at which records arrived, seconds, and their numbers.
     recent: VecDeque<(f64, u64)>,
     first_s: Option<f64>,
-    word: String,
+    sensor_status: String,
     error: Option<String>,
     is_done: bool,
 }
 
 /// The state of a source as the view shows it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct SourceState {
     /// Whether its link is open.
     pub is_open: bool,
     /// Records so far; for a total station, distances.
@@ -49,8 +49,8 @@ pub struct Seen {
     pub age_s: Option<f64>,
     /// Whether nothing arrives any more, or nothing ever did.
     pub is_silent: bool,
-    /// The state that the sensor reports.
-    pub word: String,
+    /// The status that the sensor reports.
+    pub sensor_status: String,
     /// The last error of its link.
     pub error: Option<String>,
 }
@@ -100,9 +100,9 @@ impl Status {
         self.state().damaged += bytes;
     }
 
-    /// Sets the state that the sensor reports, such as a lost lock.
-    pub fn says(&self, word: &str) {
-        self.state().word = word.to_owned();
+    /// Sets the status that the sensor reports, such as a lost lock.
+    pub fn set_sensor_status(&self, sensor_status: &str) {
+        self.state().sensor_status = sensor_status.to_owned();
     }
 
     /// Its thread has ended.
@@ -116,7 +116,7 @@ impl Status {
     }
 
     /// The state to show now.
-    pub fn seen(&self, now: Stamp) -> Seen {
+    pub fn source_state(&self, now: Stamp) -> SourceState {
         let state = self.state();
         let now_s = now.monotonic_s();
         let lately = state.recent.iter().filter(|(t, _)| now_s - t <= RATE_S);
@@ -133,7 +133,7 @@ impl Status {
             _ => 0.0,
         };
         let patience_s = SILENT_S.max(SILENT_INTERVALS * interval_s);
-        Seen {
+        SourceState {
             is_open: state.is_open,
             records: state.records,
             bytes: state.bytes,
@@ -142,7 +142,7 @@ impl Status {
             rate_hz,
             age_s,
             is_silent: age_s.is_none_or(|age| age > patience_s),
-            word: state.word.clone(),
+            sensor_status: state.sensor_status.clone(),
             error: state.error.clone(),
         }
     }
@@ -165,26 +165,26 @@ mod tests {
         for i in 0..20 {
             status.arrived(5000, 40_000, at(0.1 * f64::from(i)));
         }
-        let rate_hz = status.seen(at(2.0)).rate_hz;
+        let rate_hz = status.source_state(at(2.0)).rate_hz;
         assert!((rate_hz - 50_000.0).abs() < 1.0, "{rate_hz}");
     }
 
     #[test]
     fn the_state_shows_rate_age_and_silence() {
         let status = Status::default();
-        assert!(status.seen(at(0.0)).is_silent);
+        assert!(status.source_state(at(0.0)).is_silent);
         status.opened();
         for i in 0..70 {
             status.arrived(1, 10, at(f64::from(i) / 7.0));
         }
-        let seen = status.seen(at(10.0));
-        assert_eq!((seen.records, seen.bytes, seen.reopened), (70, 700, 0));
-        assert!((seen.rate_hz - 7.0).abs() < 0.4, "{}", seen.rate_hz);
-        assert!(!seen.is_silent);
-        let seen = status.seen(at(12.0));
-        assert!(seen.is_silent && seen.age_s.unwrap() > 2.0);
+        let state = status.source_state(at(10.0));
+        assert_eq!((state.records, state.bytes, state.reopened), (70, 700, 0));
+        assert!((state.rate_hz - 7.0).abs() < 0.4, "{}", state.rate_hz);
+        assert!(!state.is_silent);
+        let state = status.source_state(at(12.0));
+        assert!(state.is_silent && state.age_s.unwrap() > 2.0);
         assert!(status.closed("cable") && !status.closed("cable"));
         status.opened();
-        assert_eq!(status.seen(at(12.0)).reopened, 1);
+        assert_eq!(status.source_state(at(12.0)).reopened, 1);
     }
 }

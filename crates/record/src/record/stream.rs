@@ -1,4 +1,4 @@
-//! The thread of a sensor that sends by itself.
+//! The thread of a sensor that sends on its own.
 
 use std::io::{ErrorKind, Read};
 use std::path::Path;
@@ -16,11 +16,11 @@ use crate::format::WholeLines;
 /// Longest interval between checks whether the recording has ended.
 const PATIENCE: Duration = Duration::from_millis(200);
 
-/// Records what a sensor sends until the recording ends: bytes as they arrive, with their arrival times in a file beside
-/// them; of a table only whole lines, below its header.
+/// Records what a sensor sends until the recording ends: the bytes as they arrive, and their arrival times in a second
+/// file. For a table, only whole lines are recorded, below its header.
 ///
 /// # Errors
-/// A file cannot be written. A lost link is no error: it is opened again.
+/// A file cannot be written. A lost link is not an error: it is opened again.
 pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     let (folder, source) = (thread.folder, thread.source);
     let mut journal =
@@ -32,11 +32,11 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         journal.append(format!("{time}{header}\n").as_bytes(), thread.clock.now())?;
     }
     let mut lines = WholeLines::default();
-    let mut said = String::new();
+    let mut sensor_status = String::new();
     let mut counter = Counter::new(&source.kind);
     let mut buffer = vec![0; 1 << 16];
     while thread.goes_on() {
-        // The link may be lost for long; bytes that arrived before are written meanwhile.
+        // The link may be down for a long time: write the bytes that arrived before.
         journal.write_if_due()?;
         let mut wire = match source.place.open() {
             Ok(wire) => wire,
@@ -82,10 +82,10 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
                     }
                     thread.status.arrived(records, count, at);
                     thread.status.damaged(damaged);
-                    let word = counter.word();
-                    if word != said {
-                        thread.said(&word)?;
-                        said = word;
+                    let new_status = counter.sensor_status();
+                    if new_status != sensor_status {
+                        thread.report_sensor_status(&new_status)?;
+                        sensor_status = new_status;
                     }
                 }
                 Err(error) => match error.kind() {
@@ -103,7 +103,7 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
     journal.flush()
 }
 
-/// Puts the time before each of these lines as its first cell; empty lines are left out.
+/// Puts the time before each line as its first cell. Empty lines are left out.
 fn stamped(lines: &[u8], time_s: f64) -> Vec<u8> {
     let mut rows = Vec::with_capacity(lines.len());
     for line in lines.split_inclusive(|byte| *byte == b'\n') {

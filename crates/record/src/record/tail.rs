@@ -8,24 +8,23 @@ use crate::error::{Error, Location, Result};
 use crate::format::{GrowingTable, Input};
 use crate::sensor::Timed;
 
-/// Most bytes of a log that are read at a time. Of binary logs they include some seconds before the new bytes, on which
-/// the times of the new records rest.
+/// The largest number of bytes of a log that are read at a time. For a binary log they include the last seconds before
+/// the new bytes, because the times of new records are computed from earlier ones.
 const WINDOW: usize = 1 << 18;
-/// Seconds during which the offset of a sensor's clock is learnt, if its own times are not the common time: it is that
-/// of the earliest arrival.
-const LEARNING_S: f64 = 4.0;
-/// Own times this near to the common time are that time, seconds.
+/// The offset of a sensor's clock is the smallest difference of arrival time and sensor time during this time, seconds.
+const ESTIMATION_S: f64 = 4.0;
+/// If the offset is smaller than this, the sensor's clock is taken to show the common time, seconds.
 const SAME_CLOCK_S: f64 = 0.25;
-/// Own times that go back by more than a second are those of a sensor that was started again, as when a whole log is
-/// read; times that leap ahead by more than an hour are those of a clock that was set. Seconds.
+/// If sensor times go back by more than this, the sensor was restarted, as when a whole log is read. If they leap ahead
+/// by more than `AHEAD_S`, its clock was set. Seconds.
 const BACK_S: f64 = 1.0;
 const AHEAD_S: f64 = 3600.0;
 
 /// A log that grows, and the clock of its sensor.
 pub(super) struct Tail {
     log: Log,
-    clock: LearntClock,
-    /// Why the newest bytes held no record.
+    clock: EstimatedClock,
+    /// Why the newest bytes hold no record.
     trouble: Option<String>,
 }
 
@@ -43,21 +42,21 @@ impl Tail {
             } else {
                 Log::Binary(Window::new(path))
             },
-            clock: LearntClock::default(),
+            clock: EstimatedClock::default(),
             trouble: None,
         }
     }
 
-    /// Why the newest bytes held no record.
+    /// Why the newest bytes hold no record.
     pub(super) fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
     }
 
-    /// The records that arrived since the last time; none while the offset of their clock is learnt. `read` reads
-    /// an excerpt of the log, and puts own times on the common time with the clock.
+    /// The records that have arrived since the last call; none while the offset of their clock is being estimated.
+    /// `read` reads an excerpt of the log and converts its sensor times to the common time with the clock.
     ///
     /// # Errors
-    /// The log cannot be read, or what arrived is not what is expected.
+    /// The log cannot be read, or the new bytes are not in its format.
     pub(super) fn next<T>(
         &mut self,
         common_s: f64,
@@ -70,18 +69,18 @@ impl Tail {
         let Some(excerpt) = excerpt else {
             return Ok(Vec::new());
         };
-        let has_records = self.clock.newest_own_s.is_finite();
+        let has_records = self.clock.newest_sensor_s.is_finite();
         let at = At {
             clock: &mut self.clock,
             common_s,
         };
         let (result, is_table) = match &self.log {
             Log::Table(table) => (read(&excerpt, at).map_err(|e| table.locate(e)), true),
-            Log::Binary(_) => (read(&excerpt, at).map_err(without_place), false),
+            Log::Binary(_) => (read(&excerpt, at).map_err(without_location), false),
         };
         self.trouble = None;
         match result {
-            // No such records yet, or none ever. After an outage the window of a binary log holds none either.
+            // The log may have no such records yet, or at all. After an outage, the window of a binary log has none.
             Err(error @ Error::Format { .. }) if !is_table || !has_records => {
                 self.trouble = Some(error.to_string());
                 Ok(Vec::new())
@@ -91,8 +90,8 @@ impl Tail {
     }
 }
 
-/// Bytes in an error of a window count from the beginning of the window, not of the log.
-fn without_place(error: Error) -> Error {
+/// Drops the location from an error, because it counts bytes from the beginning of the window and not of the log.
+fn without_location(error: Error) -> Error {
     match error {
         Error::Format {
             path,
@@ -120,7 +119,7 @@ impl Window {
         }
     }
 
-    /// The window, if bytes have arrived since the last time.
+    /// The window, if bytes have arrived since the last call.
     fn next(&mut self) -> Result<Option<Input>> {
         let failed = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(failed)?;
@@ -145,53 +144,54 @@ impl Window {
     }
 }
 
-/// The clock of a sensor, whose offset to the common time is learnt from the arrival of its records.
-struct LearntClock {
-    newest_own_s: f64,
-    /// When it began to learn, and the least difference of common and own time since then, seconds.
-    learning: Option<(f64, f64)>,
+/// The clock of a sensor. Its offset to the common time is estimated from the arrival times of its records.
+struct EstimatedClock {
+    newest_sensor_s: f64,
+    /// Common time at which the estimation began, and the smallest difference of common and sensor time since then,
+    /// seconds.
+    estimation: Option<(f64, f64)>,
     offset_s: Option<f64>,
 }
 
-impl Default for LearntClock {
+impl Default for EstimatedClock {
     fn default() -> Self {
         Self {
-            newest_own_s: f64::NEG_INFINITY,
-            learning: None,
+            newest_sensor_s: f64::NEG_INFINITY,
+            estimation: None,
             offset_s: None,
         }
     }
 }
 
-/// The clock of a sensor at the time of a look at its log.
+/// The clock of a sensor when its log is read.
 pub(super) struct At<'a> {
-    clock: &'a mut LearntClock,
+    clock: &'a mut EstimatedClock,
     common_s: f64,
 }
 
 impl At<'_> {
-    /// Drops the records that are known, and puts the others on the common time; drops them, too, while the offset is
-    /// learnt.
+    /// Drops the records that were returned before and converts the others to the common time. While the offset is
+    /// being estimated, drops all.
     pub(super) fn put_on_common_time<T: Timed>(self, records: &mut Vec<T>) {
         let Self { clock, common_s } = self;
-        let newest_s = clock.newest_own_s;
-        // A binary log's window begins with known records. A clock that leaps begins anew.
+        let newest_s = clock.newest_sensor_s;
+        // The window of a binary log begins with records returned before. After a leap, the offset is estimated again.
         let last_s = records.last().map_or(newest_s, T::time_s);
         if (-BACK_S..AHEAD_S).contains(&(last_s - newest_s)) {
             records.retain(|record| record.time_s() > newest_s);
         } else {
-            (clock.learning, clock.offset_s) = (None, None);
+            (clock.estimation, clock.offset_s) = (None, None);
         }
-        clock.newest_own_s = last_s;
+        clock.newest_sensor_s = last_s;
         if records.is_empty() {
             return;
         }
         let Some(offset_s) = clock.offset_s else {
-            let late_s = common_s - last_s;
-            let (since_s, least_s) = clock.learning.unwrap_or((common_s, f64::INFINITY));
-            let least_s = least_s.min(late_s);
-            clock.learning = Some((since_s, least_s));
-            if common_s - since_s > LEARNING_S {
+            let difference_s = common_s - last_s;
+            let (since_s, least_s) = clock.estimation.unwrap_or((common_s, f64::INFINITY));
+            let least_s = least_s.min(difference_s);
+            clock.estimation = Some((since_s, least_s));
+            if common_s - since_s > ESTIMATION_S {
                 let is_common = least_s.abs() < SAME_CLOCK_S;
                 clock.offset_s = Some(if is_common { 0.0 } else { least_s });
             }

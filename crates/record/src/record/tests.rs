@@ -203,10 +203,10 @@ fn coordinates_of_a_total_station_are_recorded() {
     });
     let field = station_field(parent.path(), &station);
     let folder = parent.path().join("drive");
-    let (mut records, mut word) = (0, String::new());
+    let (mut records, mut sensor_status) = (0, String::new());
     record_for(4.0, &field, &folder, |view| {
         records = view.sources[0].1.records;
-        word.clone_from(&view.sources[0].1.word);
+        sensor_status.clone_from(&view.sources[0].1.sensor_status);
     });
     let log = folder.join("station.coordinates.csv");
     let positions = format::read_positions(&log, &Observations::AsFound).unwrap();
@@ -214,7 +214,10 @@ fn coordinates_of_a_total_station_are_recorded() {
         positions.fixes.len() > 3 && records > 0,
         "{records} records"
     );
-    assert!(word.contains("station.coordinates.csv"), "{word}");
+    assert!(
+        sensor_status.contains("station.coordinates.csv"),
+        "{sensor_status}"
+    );
     let times_s: Vec<f64> = positions.fixes.iter().map(|fix| fix.time_s).collect();
     assert!(times_s.is_sorted());
     for fix in &positions.fixes {

@@ -81,13 +81,13 @@ impl SourceThread<'_> {
         self.events.add(self.clock, &self.source.name, text)
     }
 
-    /// Logs and shows a state that the sensor reports.
+    /// Logs and shows a status that the sensor reports.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn said(&self, word: &str) -> Result<()> {
-        self.status.says(word);
-        self.event(word)
+    pub fn report_sensor_status(&self, sensor_status: &str) -> Result<()> {
+        self.status.set_sensor_status(sensor_status);
+        self.event(sensor_status)
     }
 
     /// After the link ended or could not be opened: logs the error if it is new, and waits before the next attempt.

@@ -9,13 +9,13 @@ use crate::verdict::{Verdict, capitalised};
 /// Largest error of a rough mounting: radians, metres.
 const ROUGH_START: (f64, f64) = (0.06, 0.1);
 
-/// The verdicts on start values that are far from the project's own.
-pub fn far_starts(own: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
-    let moved = own.iter().zip(start).map(|(own, start)| {
+/// The verdicts on start values that are far from the mountings of the project.
+pub fn far_starts(project: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
+    let moved = project.iter().zip(start).map(|(mounting, start)| {
         let (turn, shift) = start
             .body_from_scanner
-            .perturbation_from(&own.body_from_scanner);
-        (&own.name, turn.norm(), shift.norm())
+            .perturbation_from(&mounting.body_from_scanner);
+        (&mounting.name, turn.norm(), shift.norm())
     });
     let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
     let verdicts = far.map(|(name, turn, shift)| {

@@ -23,8 +23,8 @@ pub fn verdicts(system: &RecordingClock, sensors: &[(&str, SensorClock)]) -> Vec
 /// The verdict on the system clock.
 fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
     let code = "recording.clock";
-    let common = "the total station has the times of a clock that ran evenly from the beginning, and sensors with \
-                  clocks of their own those of their arrival";
+    let common = "times of the total station are from a clock that ran evenly from the beginning, and times of sensors \
+                  with clocks of their own follow from the arrival times";
     if let Some((set_s, at_s)) = clock.steps.first() {
         let times = match clock.steps.len() {
             1 => String::new(),
@@ -39,22 +39,22 @@ fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
             ..Verdict::care(code, text)
         });
     }
-    if clock.is_disciplined() {
+    if clock.is_synchronised() {
         return None;
     }
     let why = match (clock.answered, clock.locked) {
         (0, _) => "chrony did not run".to_owned(),
-        (_, 0) => "it followed nothing".to_owned(),
-        (_, locked) if locked < clock.looks => {
-            format!("it followed nothing for {} s", clock.looks - locked)
+        (_, 0) => "it was not synchronised".to_owned(),
+        (_, locked) if locked < clock.checks => {
+            format!("it was not synchronised for {} s", clock.checks - locked)
         }
         _ => format!("it was off by {:.1} ms", 1e3 * clock.worst_rms_s),
     };
     Some(Verdict::care(
         code,
         format!(
-            "Nobody says how right the clock of the recording computer was ({why}): {common}, later by the shortest \
-             delay of each link."
+            "The clock of the recording computer may have been wrong ({why}): {common}, later by the shortest delay of \
+             each link."
         ),
     ))
 }
@@ -64,11 +64,11 @@ fn sensor_verdicts(name: &str, clock: &SensorClock) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let (median_ms, late_ms) = (1e3 * clock.delay_median_s, 1e3 * clock.delay_999_s);
     let span_s = clock.span_s;
-    if !clock.is_kept {
+    if !clock.is_synchronised {
         let drifted_s = clock.drift * span_s;
         let drift = if drifted_s.abs() > NOTABLE_DRIFT_S {
             format!(
-                ", and drifted by {:.1} ms ({:.1} ppm), which was taken out",
+                ", and drifted by {:.1} ms ({:.1} ppm), which was corrected",
                 1e3 * drifted_s,
                 1e6 * clock.drift
             )
@@ -81,21 +81,21 @@ fn sensor_verdicts(name: &str, clock: &SensorClock) -> Vec<Verdict> {
                 "recording.sensor_clock",
                 format!(
                     "{name}: its clock differs by {:.3} s from that of the recording{drift}. Its times follow from the \
-                     earliest arrivals; half of all records came {median_ms:.1} ms later, 99.9 % at most \
+                     earliest arrivals; half of all records arrived up to {median_ms:.1} ms later, 99.9 % up to \
                      {late_ms:.1} ms.",
                     clock.offset_s
                 ),
             )
         });
     }
-    if clock.is_kept && clock.delay_999_s > NOTABLE_DELAY_S {
+    if clock.is_synchronised && clock.delay_999_s > NOTABLE_DELAY_S {
         verdicts.push(Verdict {
             value: Some(clock.delay_999_s),
             ..Verdict::note(
                 "recording.delay",
                 format!(
-                    "{name}: half of its records arrived {median_ms:.1} ms, 99.9 % at most {late_ms:.1} ms after they were \
-                     measured."
+                    "{name}: half of its records arrived up to {median_ms:.1} ms, 99.9 % up to {late_ms:.1} ms after \
+                     they were measured."
                 ),
             )
         });

@@ -158,7 +158,7 @@ fn components(chart: &Chart, scanner: &ScannerChart) -> String {
 
 fn over(kind: &Kind, scanner: &ScannerChart) -> String {
     let numbers = numbers(scanner);
-    let of = |i: usize| -> Vec<[f64; 3]> {
+    let component = |i: usize| -> Vec<[f64; 3]> {
         let days = numbers.iter().zip(&scanner.days);
         let band = days.map(|(number, day)| {
             let [value, sigma] = [day.offset[i], day.sigma[i]].map(|x| x.unwrap_or(f64::NAN));
@@ -166,7 +166,7 @@ fn over(kind: &Kind, scanner: &ScannerChart) -> String {
         });
         band.collect()
     };
-    let all: Vec<Vec<[f64; 3]>> = (0..3).map(|i| of(kind.first + i)).collect();
+    let all: Vec<Vec<[f64; 3]>> = (0..3).map(|i| component(kind.first + i)).collect();
     let ends = all.iter().flatten().flat_map(|[_, v, s]| [v - s, v + s]);
     let mut plot = over_dates(HALF, scanner, Axis::rounded(kind.label, ends.chain([0.0])));
     let (from, to) = (plot.x.min, plot.x.max);

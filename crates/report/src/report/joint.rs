@@ -33,8 +33,8 @@ impl Kind {
                 sensors.any(|s| s.sensor == name || format!("{}.{}", d.name, s.sensor) == name)
             })
         };
-        let own = group.name.rsplit('.').next().unwrap_or_default();
-        match own {
+        let sensor = group.name.rsplit('.').next().unwrap_or_default();
+        match sensor {
             _ if joint.drives.iter().any(|drive| drive.imu == group.name) => Self::Imu,
             _ if names_position(&group.name) => Self::Position,
             "reference" => Self::Scan,

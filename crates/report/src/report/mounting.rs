@@ -209,11 +209,11 @@ pub fn tables(calibrations: &Calibrations) -> String {
         let heading = format!("<h3>Scanner {}</h3>\n", escape(&mounting.name));
         let methods = methods(calibrations, refused.as_ref(), scanner);
         let conditions = conditions(calibrations, scanner);
-        let own = Block::Euler(mounting.convention);
-        let blocks = [Block::Translation, own];
+        let written = Block::Euler(mounting.convention);
+        let blocks = [Block::Translation, written];
         out.push_str(&(heading.clone() + &table(&methods, &blocks, truth)));
         let all = EulerConvention::ALL.map(Block::Euler);
-        for other in all.into_iter().filter(|block| *block != own) {
+        for other in all.into_iter().filter(|block| *block != written) {
             converted.push_str(&(heading.clone() + &table(&methods, &[other], truth)));
         }
         if !conditions.is_empty() {

@@ -35,7 +35,7 @@ pub fn is_cloud_name(path: &Path) -> bool {
     writer(path).is_some()
 }
 
-/// Creates or replaces a cloud file in the format that the end of its name selects: `.copc.laz`, `.laz`,
+/// Creates or replaces a cloud file in the format given by the end of its name: `.copc.laz`, `.laz`,
 /// `.las`, `.e57`, `.ply`, `.parquet` or `.csv`.
 ///
 /// # Errors
@@ -46,7 +46,7 @@ pub fn create_cloud(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink
         Error::format(
             path,
             Location::Whole,
-            "a name with another end",
+            "a name with another extension",
             format!("a name that ends in {}", ends.join(", ")),
         )
     })?;

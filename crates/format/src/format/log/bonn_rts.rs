@@ -95,7 +95,7 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
     // Instruments round 2π, and corrections for delays may exceed it.
     const SLACK_RAD: f64 = 1e-2;
     let mut table = Table::open(input, &COLUMNS)?;
-    let mut found = RtsObservations::default();
+    let mut log = RtsObservations::default();
     let mut row = [0.0; 8];
     while table.next_row(&mut row)? {
         let [
@@ -120,7 +120,7 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
                     reason += &format!(", {name} code {code}");
                 }
             }
-            found.rejected.push(RejectedRow {
+            log.rejected.push(RejectedRow {
                 source: input.path().display().to_string(),
                 line: table.number(),
                 time_s: ref_time_s,
@@ -137,7 +137,7 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
                 return Err(table.error(found, "an angle in radians, up to 6.2832"));
             }
         }
-        found.observations.push(RtsObservation {
+        log.observations.push(RtsObservation {
             ref_time_s,
             instrument_time_s,
             slope_distance_m,
@@ -147,8 +147,8 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
         });
     }
     // New rows of a log that grows may all lack a range.
-    if found.observations.is_empty() && !input.is_excerpt() {
-        let rejected = found.rejected.len();
+    if log.observations.is_empty() && !input.is_excerpt() {
+        let rejected = log.rejected.len();
         if rejected == 0 {
             return Err(nothing_in(input.path(), "observation"));
         }
@@ -159,12 +159,12 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
             "at least one observation",
         ));
     }
-    if counts_milliseconds(&found.observations) {
-        for observation in &mut found.observations {
+    if counts_milliseconds(&log.observations) {
+        for observation in &mut log.observations {
             observation.instrument_time_s *= 1e-3;
         }
     }
-    Ok(found)
+    Ok(log)
 }
 
 /// Whether the clock of the instrument counts a thousand times as fast as the clock of the computer.
@@ -186,13 +186,13 @@ fn read_positions(input: &Input, observations: &Observations) -> Result<Position
             "the instrument's pose in the project (station_m and station_orientation_deg)",
         ));
     };
-    let found = read_polar(input)?;
-    let observed = found.observations.iter();
+    let log = read_polar(input)?;
+    let observations = log.observations.iter();
     Ok(Positions {
-        fixes: observed
+        fixes: observations
             .map(|rts| instrument.position_fix(&rts.at(rts.ref_time_s)))
             .collect(),
-        rejected: found.rejected,
+        rejected: log.rejected,
     })
 }
 

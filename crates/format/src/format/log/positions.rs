@@ -195,12 +195,12 @@ fn read<const N: usize>(
     record: impl Fn(&[f64; N], &Table) -> Result<std::result::Result<PositionFix, String>>,
 ) -> Result<Positions> {
     let mut table = Table::open(input, columns)?;
-    let mut found = Positions::default();
+    let mut positions = Positions::default();
     let mut row = [0.0; N];
     while table.next_row(&mut row)? {
         match record(&row, &table)? {
-            Ok(fix) => found.fixes.push(fix),
-            Err(reason) => found.rejected.push(RejectedRow {
+            Ok(fix) => positions.fixes.push(fix),
+            Err(reason) => positions.rejected.push(RejectedRow {
                 source: input.path().display().to_string(),
                 line: table.number(),
                 time_s: row[0],
@@ -208,7 +208,7 @@ fn read<const N: usize>(
             }),
         }
     }
-    Ok(found)
+    Ok(positions)
 }
 
 /// The reason why a row with this slope distance (metres) is not a measurement.

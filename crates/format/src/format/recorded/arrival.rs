@@ -13,8 +13,8 @@ const COLUMNS: Columns<'_> = Columns {
     needed: &["bytes_before", "monotonic_s"],
     optional: &[],
 };
-/// The largest size of a piece, bytes: a recorder reads at most 64 KiB at a time, and a time before each line makes
-/// these at most ten times longer, if every line is one character.
+/// The largest size of a piece, bytes: a recorder reads at most 64 KiB at a time, and a time put before each line makes
+/// them at most ten times longer, if every line is one character.
 const LARGEST_PIECE: u64 = 1 << 20;
 
 /// A row of the file: when a piece of a log arrived.
@@ -24,19 +24,19 @@ struct Row {
     before: u64,
     /// Seconds of the monotonic clock.
     monotonic_s: f64,
-    /// Whether no damaged row lies between it and the row before.
+    /// Whether no damaged row lies between this row and the one before.
     follows: bool,
 }
 
 impl Row {
-    /// Whether it can follow the row `last`: neither position nor time goes back, and the piece is not too large.
+    /// Whether this row can follow the row `last`: neither position nor time goes back, and the piece is not too large.
     fn fits(&self, last: &Self) -> bool {
         let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
         self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
     }
 }
 
-/// The rows of a file, one after the other. Damaged rows are skipped, as is a last row that a crash cut off.
+/// The rows of a file in order. Damaged rows are skipped, as is a last row that a crash cut off.
 #[derive(Debug)]
 struct Rows {
     table: Table,
@@ -86,7 +86,7 @@ struct Piece {
     at_s: f64,
 }
 
-/// When the pieces of a log arrived, in their order.
+/// The pieces of a log in order, with their arrival times.
 pub(super) struct Arrivals {
     pieces: Vec<Piece>,
     /// Number of damaged rows.
@@ -96,16 +96,16 @@ pub(super) struct Arrivals {
 impl Arrivals {
     /// Reads all rows of a file.
     pub(super) fn read(path: &Path, clock: &RecordingClock) -> Result<Self> {
-        let mut read = Rows::open(path)?;
+        let mut reader = Rows::open(path)?;
         let mut rows = Vec::new();
-        while let Some(row) = read.next()? {
+        while let Some(row) = reader.next()? {
             rows.push(row);
         }
         let fits: Vec<bool> = rows.windows(2).map(|pair| pair[1].fits(&pair[0])).collect();
         let pairs = rows.iter().skip(1).zip(&fits);
-        let damaged = read.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
+        let damaged = reader.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
         let pieces = rows.iter().enumerate().map(|(i, row)| {
-            // If two rows contradict each other, either may be wrong, so that neither may bound a piece.
+            // If two rows contradict each other, either may be wrong, so neither is used as a bound of a piece.
             let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
             let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
             Piece {
@@ -120,9 +120,9 @@ impl Arrivals {
         })
     }
 
-    /// Arrival time of the piece in which a record ends; `None` if unknown. After a crash the log may be longer than
-    /// its arrival times say, so that the end of the last piece is unknown.
-    pub(super) fn of(&self, end: u64) -> Option<f64> {
+    /// Arrival time of the piece in which a record ends, common time, seconds; `None` if unknown. After a crash the log
+    /// may continue beyond its arrival times, so that the end of the last piece is unknown.
+    pub(super) fn arrival_s(&self, end: u64) -> Option<f64> {
         let next = self.pieces.partition_point(|piece| piece.before < end);
         let piece = self.pieces.get(next.checked_sub(1)?)?;
         (end <= piece.end?).then_some(piece.at_s)
@@ -141,14 +141,14 @@ impl Arrivals {
     }
 }
 
-/// The pieces of a log in their order: the number of bytes of each, and its arrival time, seconds of the monotonic
-/// clock. The piece of a damaged row is joined to the piece before. The last piece ends with the log, or at the largest
-/// size of a piece.
+/// The pieces of a log in order: the number of bytes of each, and its arrival time, seconds of the monotonic clock. The
+/// piece of a damaged row is joined to the piece before. The last piece ends with the log, or at the largest size of a
+/// piece.
 pub struct Pieces {
     path: PathBuf,
     rows: Rows,
     next: Option<Row>,
-    /// Of the whole log.
+    /// Size of the log.
     bytes: u64,
 }
 

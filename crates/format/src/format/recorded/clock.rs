@@ -1,4 +1,4 @@
-//! The clock that took the times of a recording: `clock.csv`.
+//! The system clock of a recording: `clock.csv`.
 
 use std::path::Path;
 
@@ -8,25 +8,25 @@ use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::text::lines::{Lines, Separator};
 
-/// The system's clock counts as disciplined if chrony reports at most this root mean square offset, seconds.
+/// The system clock counts as synchronised if chrony reports at most this root mean square offset, seconds.
 const GOOD_RMS_S: f64 = 1e-3;
 
-/// State of the system's clock during a recording.
+/// State of the system clock during a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordingClock {
-    /// UTC at the zero of the monotonic clock according to the first check, seconds since 1970.
+    /// UTC when the monotonic clock was zero, from the first check, seconds since 1970.
     pub begin_s: f64,
     /// Number of checks, one per second.
-    pub looks: usize,
-    /// Checks to which chrony answered.
+    pub checks: usize,
+    /// Number of checks that chrony answered.
     pub answered: usize,
-    /// Checks at which the clock was synchronised to a source.
+    /// Number of checks at which the clock was synchronised to a source.
     pub locked: usize,
     /// The largest root mean square of its offsets while it was synchronised, seconds.
     pub worst_rms_s: f64,
-    /// The last source that it was synchronised to.
+    /// The last source to which it was synchronised.
     pub reference: String,
-    /// Steps by which the clock was set, seconds, and their times, seconds since the beginning.
+    /// Steps by which the clock was set, and their times since the beginning, seconds.
     pub steps: Vec<(f64, f64)>,
 }
 
@@ -54,14 +54,14 @@ impl RecordingClock {
             };
             let clock = clock.get_or_insert(Self {
                 begin_s: unix_s - monotonic_s,
-                looks: 0,
+                checks: 0,
                 answered: 0,
                 locked: 0,
                 worst_rms_s: 0.0,
                 reference: String::new(),
                 steps: Vec::new(),
             });
-            clock.looks += 1;
+            clock.checks += 1;
             clock.answered += usize::from(!locked.is_empty());
             if locked == "1" {
                 clock.locked += 1;
@@ -77,19 +77,19 @@ impl RecordingClock {
             Some(_) => Err(Error::format(
                 path,
                 Location::Whole,
-                "times that are no numbers",
-                "those of a recording",
+                "times that are not numbers",
+                "the times of a recording",
             )),
-            None => Err(nothing_in(path, "look at the clock")),
+            None => Err(nothing_in(path, "check of the clock")),
         }
     }
 
-    /// Whether UTC was right throughout: the clock was synchronised well enough at every check, and was not set.
-    pub fn is_disciplined(&self) -> bool {
-        self.steps.is_empty() && self.locked == self.looks && self.worst_rms_s <= GOOD_RMS_S
+    /// Whether UTC was right throughout: at every check the clock was synchronised well enough, and it was never set.
+    pub fn is_synchronised(&self) -> bool {
+        self.steps.is_empty() && self.locked == self.checks && self.worst_rms_s <= GOOD_RMS_S
     }
 
-    /// Common time of a time of the monotonic clock, seconds since 1970.
+    /// Converts a time of the monotonic clock to the common time, seconds since 1970.
     pub fn common_s(&self, monotonic_s: f64) -> f64 {
         self.begin_s + monotonic_s
     }

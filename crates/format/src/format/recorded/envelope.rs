@@ -1,19 +1,18 @@
 //! The relation of two clocks from delayed messages.
 
-/// A line.
+/// A line y = offset + slope x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Line {
-    /// At zero.
     pub(super) offset: f64,
     pub(super) slope: f64,
 }
 
 impl Line {
-    /// Of all lines below the points (x, y), the one that is nearest to them in the mean: with x the time of a sensor and
-    /// y the time of arrival less x, every y is the difference of the clocks and a delay that is never negative, and
-    /// the least delays show the clocks (Moon, Skelly and Towsley, *Estimation and removal of clock skew from network
-    /// delay measurements*, 1999). The line is the edge of the lower convex hull above the mean of x. There must be
-    /// points; x need not be sorted.
+    /// The line that lies below all points (x, y) and is nearest to them in the mean. If x is the sensor time and y the
+    /// arrival time less the sensor time, each y is the difference of the clocks plus a delay, which is never negative,
+    /// so that the smallest delays show the difference (Moon, Skelly and Towsley, *Estimation and removal of clock skew
+    /// from network delay measurements*, 1999). The line is the edge of the lower convex hull at the mean of x. x need
+    /// not be sorted; without points, the line is zero.
     pub(super) fn below(points: &[(f64, f64)]) -> Self {
         let mut sorted = points.to_vec();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -57,22 +56,22 @@ mod tests {
     use crate::statistics::drawn;
 
     #[test]
-    fn the_line_touches_the_least_delays_and_is_as_high_as_can_be() {
-        // Uniform delays of up to 5 ms on a line; every tenth ten times as late.
+    fn the_line_lies_below_all_delays_and_is_the_highest_such_line() {
+        // Uniform delays of up to 5 ms on a line, of up to 50 ms for every tenth point.
         let random = |i: u64| (drawn(i) >> 11) as f64 / (1_u64 << 53) as f64;
         let points: Vec<(f64, f64)> = (0..6000)
             .map(|i| {
                 let x = 0.1 * i as f64 - 300.0;
-                let late = if i % 10 == 0 { 0.05 } else { 0.005 };
-                (x, 12.5 + 4e-5 * x + late * random(i))
+                let most = if i % 10 == 0 { 0.05 } else { 0.005 };
+                (x, 12.5 + 4e-5 * x + most * random(i))
             })
             .collect();
-        let found = Line::below(&points);
-        let at = |x: f64| found.offset + found.slope * x;
+        let line = Line::below(&points);
+        let at = |x: f64| line.offset + line.slope * x;
         assert!(points.iter().all(|p| p.1 > at(p.0) - 1e-12));
-        assert!((found.offset - 12.5).abs() < 2e-5, "{found:?}");
-        assert!((found.slope - 4e-5).abs() < 1e-7, "{found:?}");
-        // The slow way: of all lines through two points, the one below all others that is highest in the mean.
+        assert!((line.offset - 12.5).abs() < 2e-5, "{line:?}");
+        assert!((line.slope - 4e-5).abs() < 1e-7, "{line:?}");
+        // Brute force: of all lines through two points that lie below the others, the highest at the mean of x.
         let few = &points[..60];
         let mean = few.iter().map(|p| p.0).sum::<f64>() / 60.0;
         let mut best = f64::NEG_INFINITY;
@@ -85,8 +84,8 @@ mod tests {
                 }
             }
         }
-        let found = Line::below(few);
-        assert!((found.offset + found.slope * mean - best).abs() < 1e-12);
+        let line = Line::below(few);
+        assert!((line.offset + line.slope * mean - best).abs() < 1e-12);
     }
 
     #[test]

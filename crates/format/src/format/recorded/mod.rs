@@ -1,9 +1,9 @@
 //! Logs of a recording. `NAME.sbg` holds the bytes that a sensor sent, `NAME.stamps.csv` beside it the arrival time of
-//! each piece, and `clock.csv` in the same folder the state of the clock that took these times.
+//! each piece, and `clock.csv` in the same folder the state of the clock by which these times were measured.
 //!
 //! The common time of a recording is UTC at the first check of the clock plus the monotonic time since then, so that it
-//! runs evenly even if UTC is set. A sensor's own times are kept if they are UTC and the system's clock was disciplined;
-//! otherwise they are converted to the common time by the arrival times.
+//! runs evenly even if UTC is set. Sensor times, which a sensor puts in its records, are kept if they are UTC and the
+//! system clock was synchronised; otherwise they are converted to the common time by the arrival times.
 
 mod arrival;
 mod clock;
@@ -26,28 +26,29 @@ pub use clock::RecordingClock;
 use envelope::Line;
 pub use station::{StationRow, station_rows};
 
-/// Own times that differ from the arrival times by less than this come from the same clock, seconds: no link is slower,
-/// and another clock is not so close by chance.
+/// Sensor times that differ from the arrival times by less than this come from the same clock, seconds: no link is
+/// slower, and another clock is not so close by chance.
 const SAME_CLOCK_S: f64 = 0.25;
-/// A record cannot arrive before its own time; up to this difference, noise of the clocks explains it, seconds.
+/// A record cannot arrive before it is measured; up to this difference, noise of the clocks explains it, seconds.
 const EARLY_S: f64 = 0.02;
-/// A gap is longer than this many usual intervals between arrivals, and longer than a second.
+/// A gap is longer than this many median intervals between arrivals, and longer than `GAP_S`, seconds.
 const GAP_INTERVALS: f64 = 10.0;
 const GAP_S: f64 = 1.0;
 const DAY_S: f64 = 86_400.0;
 
-/// How the own times of a recorded sensor are related to the common time of its recording.
+/// The relation of the times of a recorded sensor to the common time of its recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SensorClock {
-    /// Whether the sensor's own times are kept, because they and the common time are UTC.
-    pub is_kept: bool,
-    /// Common time − own time in the middle of the recording, seconds.
+    /// Whether the times in the log are used without the arrival times, because they and the common time are UTC, or
+    /// because the recorder put the common time in the log.
+    pub is_synchronised: bool,
+    /// Common time − sensor time in the middle of the recording, seconds.
     pub offset_s: f64,
     /// Seconds by which the sensor's clock falls behind the common time per second.
     pub drift: f64,
-    /// Own time in the middle of the recording, seconds.
+    /// Sensor time in the middle of the recording, seconds.
     pub middle_s: f64,
-    /// Own time from the first to the last record, seconds.
+    /// Sensor time from the first to the last record, seconds.
     pub span_s: f64,
     /// Median delay of the records' arrival after the earliest possible one, seconds.
     pub delay_median_s: f64,
@@ -55,11 +56,11 @@ pub struct SensorClock {
     pub delay_999_s: f64,
     /// Number of gaps between arrivals.
     pub gaps: usize,
-    /// The longest of them, seconds.
+    /// The longest gap, seconds.
     pub longest_gap_s: f64,
-    /// Records that have an own time and a known arrival time.
+    /// Number of records with a sensor time and a known arrival time.
     pub records: usize,
-    /// Damaged rows among the arrival times.
+    /// Number of damaged rows of arrival times.
     pub damaged_arrivals: usize,
     /// Duration of the log after the last record with a known arrival time, seconds of the sensor's clock; it is long
     /// only after a crash.
@@ -67,9 +68,9 @@ pub struct SensorClock {
 }
 
 impl SensorClock {
-    /// Converts an own time to the common time, seconds.
-    pub fn common_s(&self, own_s: f64) -> f64 {
-        own_s + self.offset_s + self.drift * (own_s - self.middle_s)
+    /// Converts a sensor time to the common time, seconds.
+    pub fn common_s(&self, sensor_s: f64) -> f64 {
+        sensor_s + self.offset_s + self.drift * (sensor_s - self.middle_s)
     }
 }
 
@@ -78,11 +79,11 @@ pub(crate) fn stamps_of(log: &Path) -> PathBuf {
     log.with_extension("stamps.csv")
 }
 
-/// The files of a recording that are read with a log; none if the log is not part of a recording.
+/// The files of a recording that are needed to read a log; none if the log is not part of a recording.
 pub(crate) fn beside(log: &Path) -> Vec<PathBuf> {
     let stamps = stamps_of(log);
     let clock = log.with_file_name(CLOCK_LOG);
-    match (stamps.is_file(), station::is_one(&log.into())) {
+    match (stamps.is_file(), station::is_station_log(&log.into())) {
         (true, _) => vec![stamps, clock],
         (false, true) => vec![clock],
         _ => Vec::new(),
@@ -95,11 +96,11 @@ pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
     is_in_recording(log).then(|| RecordingClock::read(&clock))
 }
 
-/// Relates the own times of a log to the common time of its recording; `None` if there are no arrival times beside the
-/// log, if its records have no times, and for an excerpt.
+/// Relates the sensor times of a log to the common time of its recording; `None` if there are no arrival times beside
+/// the log, if its records have no times, and for an excerpt.
 ///
 /// # Errors
-/// Files that cannot be read; no record with a known arrival time; own times that go back, unless they are kept.
+/// Files that cannot be read; no record with a known arrival time; sensor times that go back and are not synchronised.
 pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
     let input = log.into();
     if input.is_excerpt() {
@@ -108,7 +109,7 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
     let log = input.path();
     let stamps = stamps_of(log);
     if !stamps.is_file() {
-        return if station::is_one(&input) {
+        return if station::is_station_log(&input) {
             Ok(station::station(&input)?.map(|station| station.clock))
         } else {
             Ok(None)
@@ -116,26 +117,26 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
     }
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG))?;
     let arrivals = Arrivals::read(&stamps, &recording)?;
-    let own = record_ends(&input)?;
-    let pairs: Vec<(f64, f64)> = own
+    let records = record_ends(&input)?;
+    let pairs: Vec<(f64, f64)> = records
         .iter()
-        .filter_map(|(end, own_s)| Some((*own_s, arrivals.of(*end)?)))
+        .filter_map(|(end, sensor_s)| Some((*sensor_s, arrivals.arrival_s(*end)?)))
         .collect();
-    let Some((_, own_last_s)) = own.last() else {
+    let Some((_, last_sensor_s)) = records.last() else {
         return Ok(None);
     };
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         return Err(Error::format(
             stamps,
             Location::Whole,
-            format!("no time of arrival of any of {} records", own.len()),
-            "a log with at least two pieces and their times",
+            format!("no arrival time for any of {} records", records.len()),
+            "arrival times of at least two pieces of the log",
         ));
     };
     let middle_s = 0.5 * (first.0 + last.0);
     let (gaps, longest_gap_s) = arrivals.gaps();
     let mut clock = SensorClock {
-        is_kept: false,
+        is_synchronised: false,
         offset_s: 0.0,
         drift: 0.0,
         middle_s,
@@ -146,18 +147,20 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
         longest_gap_s,
         records: pairs.len(),
         damaged_arrivals: arrivals.damaged,
-        beyond_arrivals_s: own_last_s - last.0,
+        beyond_arrivals_s: last_sensor_s - last.0,
     };
-    // Seconds of the day count from the midnight before the arrival.
+    // If the sensor sends seconds of the day, they count from the midnight before the arrival.
     let days_s = if (0.0..2.0 * DAY_S).contains(&first.0) && first.1 > 1e9 {
         DAY_S * ((first.1 - first.0) / DAY_S).round()
     } else {
         0.0
     };
-    let delays = pairs.iter().map(|(own, arrived)| arrived - own - days_s);
+    let delays = pairs
+        .iter()
+        .map(|(sensor_s, arrival_s)| arrival_s - sensor_s - days_s);
     let least_s = delays.fold(f64::INFINITY, f64::min);
-    let line = if recording.is_disciplined() && (-EARLY_S..SAME_CLOCK_S).contains(&least_s) {
-        clock.is_kept = true;
+    let line = if recording.is_synchronised() && (-EARLY_S..SAME_CLOCK_S).contains(&least_s) {
+        clock.is_synchronised = true;
         Line {
             offset: days_s,
             slope: 0.0,
@@ -167,39 +170,48 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
             return Err(Error::format(
                 log,
                 Location::Whole,
-                format!("own times that go back by {:.3} s", back[0].0 - back[1].0),
-                "a sensor that was not started again while it was recorded: split its log there",
+                format!(
+                    "sensor times that go back by {:.3} s",
+                    back[0].0 - back[1].0
+                ),
+                "a sensor that was not restarted during the recording: split its log there",
             ));
         }
-        let centred = pairs.iter().map(|(own, at)| (own - middle_s, at - own));
+        let centred = pairs
+            .iter()
+            .map(|(sensor_s, arrival_s)| (sensor_s - middle_s, arrival_s - sensor_s));
         Line::below(&centred.collect::<Vec<_>>())
     };
     (clock.offset_s, clock.drift) = (line.offset, line.slope);
     let mut delays: Vec<f64> = pairs
         .iter()
-        .map(|(own, arrived)| arrived - clock.common_s(*own))
+        .map(|(sensor_s, arrival_s)| arrival_s - clock.common_s(*sensor_s))
         .collect();
     delays.sort_by(f64::total_cmp);
-    let earliest_s = if clock.is_kept { 0.0 } else { delays[0] };
+    let earliest_s = if clock.is_synchronised {
+        0.0
+    } else {
+        delays[0]
+    };
     clock.delay_median_s = median(delays.iter().copied()).unwrap_or(0.0) - earliest_s;
     clock.delay_999_s = quantile(&delays, 0.999) - earliest_s;
     Ok(Some(clock))
 }
 
-/// Corrected times of a recorded total station's measurements: the time in the log and the corrected time, seconds.
-/// Empty for other logs.
+/// The times of a recorded total station's measurements: the time in the log and the corrected time, seconds. Empty for
+/// other logs.
 ///
 /// # Errors
 /// Files that cannot be read.
 pub(crate) fn station_times(log: &Input) -> Result<Vec<(f64, f64)>> {
-    if !log.is_excerpt() && station::is_one(log) {
+    if !log.is_excerpt() && station::is_station_log(log) {
         Ok(station::station(log)?.map_or(Vec::new(), |station| station.times_s))
     } else {
         Ok(Vec::new())
     }
 }
 
-/// The end of each record that has an own time, bytes from the start of the log, and this time, seconds.
+/// The end of each record that has a sensor time, in bytes from the start of the log, and that time, seconds.
 fn record_ends(log: &Input) -> Result<Vec<(u64, f64)>> {
     let kind = detect(log)?.0;
     if let Some(ends) = kind.record_ends {

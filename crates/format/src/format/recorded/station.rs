@@ -1,4 +1,4 @@
-//! Measurements of a recorded total station: `NAME.csv` with the instrument's own times beside the common time.
+//! Measurements of a recorded total station: `NAME.csv` with the common time and the time of the instrument's clock.
 
 use super::SensorClock;
 use super::clock::RecordingClock;
@@ -22,12 +22,12 @@ const COLUMNS: Columns<'_> = Columns {
     optional: &["instrument_time_s"],
 };
 
-/// A distance with its angles.
+/// A measured distance with its angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StationRow {
-    /// Common time of its arrival, seconds.
+    /// Common time, seconds: its arrival less half the time between request and reply.
     pub time_s: f64,
-    /// East, north, up in the instrument's frame, metres.
+    /// Position of the prism in the instrument's frame: east, north, up, metres.
     pub position_m: [f64; 3],
     /// Arrival time, seconds of the monotonic clock.
     pub monotonic_s: f64,
@@ -37,12 +37,12 @@ pub struct StationRow {
     pub instrument_time_s: Option<f64>,
 }
 
-/// Whether it is the log of a recorded total station.
-pub(super) fn is_one(log: &Input) -> bool {
+/// Whether a log is that of a recorded total station.
+pub(super) fn is_station_log(log: &Input) -> bool {
     is_in_recording(log.path()) && header_names(log).is_ok_and(|names| COLUMNS.are_in(&names))
 }
 
-/// Reads the rows, without a last one that a crash cut off.
+/// Reads the rows of the log of a recorded total station, except a last one that a crash cut off.
 ///
 /// # Errors
 /// The file cannot be read, or a row is damaged.
@@ -57,7 +57,7 @@ pub fn station_rows(log: impl Into<Input>) -> Result<Vec<StationRow>> {
             v_deg,
             monotonic_s,
             synchronous,
-            own_s,
+            instrument_s,
         ] = row;
         let (hz, v) = (hz_deg.to_radians(), v_deg.to_radians());
         let level_m = distance_m * v.sin();
@@ -66,14 +66,14 @@ pub fn station_rows(log: impl Into<Input>) -> Result<Vec<StationRow>> {
             position_m: [level_m * hz.sin(), level_m * hz.cos(), distance_m * v.cos()],
             monotonic_s,
             is_synchronous: synchronous == 1.0,
-            instrument_time_s: own_s.is_finite().then_some(own_s),
+            instrument_time_s: instrument_s.is_finite().then_some(instrument_s),
         });
     }
     Ok(rows)
 }
 
-/// The delay of a total station's measurements and their corrected times. If angles and distance were measured at the
-/// same instant, this is the time of the instrument's clock plus the shortest delay of a measurement.
+/// The delays of a total station's measurements, and corrected times of those whose angles and distance were measured
+/// at the same instant: the time of the instrument's clock, converted to the common time, later by the shortest delay.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Station {
     pub(super) clock: SensorClock,
@@ -81,7 +81,7 @@ pub(super) struct Station {
     pub(super) times_s: Vec<(f64, f64)>,
 }
 
-/// Relates the clock of a total station to that of the recording; `None` if it gave no times.
+/// Relates the clock of a total station to that of the recording; `None` if the instrument gave no times.
 pub(super) fn station(log: &Input) -> Result<Option<Station>> {
     let rows = station_rows(log)?;
     let recording = RecordingClock::read(&log.path().with_file_name(CLOCK_LOG))?;
@@ -92,27 +92,31 @@ pub(super) fn station(log: &Input) -> Result<Option<Station>> {
     if timed.is_empty() {
         return Ok(None);
     }
-    let arrived = |row: &StationRow| recording.common_s(row.monotonic_s);
+    let arrival_s = |row: &StationRow| recording.common_s(row.monotonic_s);
     let (mut times_s, mut delays, mut span_s) = (Vec::new(), Vec::new(), 0.0);
     // An instrument that is switched off and on counts its time from zero again.
-    for run in timed.chunk_by(|(before_s, _), (own_s, _)| before_s <= own_s) {
+    for run in timed.chunk_by(|(before_s, _), (instrument_s, _)| before_s <= instrument_s) {
         let (first_s, last_s) = (run[0].0, run[run.len() - 1].0);
         let middle_s = 0.5 * (first_s + last_s);
         let centred = run
             .iter()
-            .map(|(own, row)| (own - middle_s, arrived(row) - own));
+            .map(|(instrument_s, row)| (instrument_s - middle_s, arrival_s(row) - instrument_s));
         let line = Line::below(&centred.collect::<Vec<_>>());
-        let common = |own: f64| own + line.offset + line.slope * (own - middle_s);
-        delays.extend(run.iter().map(|(own, row)| arrived(row) - common(*own)));
+        let common_s =
+            |instrument_s: f64| instrument_s + line.offset + line.slope * (instrument_s - middle_s);
+        let late_s =
+            |(instrument_s, row): &(f64, &StationRow)| arrival_s(row) - common_s(*instrument_s);
+        delays.extend(run.iter().map(late_s));
         let synchronous = run.iter().filter(|(_, row)| row.is_synchronous);
-        times_s.extend(synchronous.map(|(own, row)| (row.time_s, common(*own))));
+        times_s
+            .extend(synchronous.map(|(instrument_s, row)| (row.time_s, common_s(*instrument_s))));
         span_s += last_s - first_s;
     }
     delays.sort_by(f64::total_cmp);
     Ok(Some(Station {
         times_s,
         clock: SensorClock {
-            is_kept: true,
+            is_synchronised: true,
             offset_s: 0.0,
             drift: 0.0,
             middle_s: 0.0,

@@ -13,17 +13,17 @@ fn random(i: u64) -> f64 {
     (drawn(i) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// A recording of a heading sensor at 5 Hz for 200 s that stamps its own times, and sends each with a delay of 3 ms and up
-/// to 4 ms more.
-fn recording(folder: &Path, own_s: impl Fn(f64) -> f64, clock_rows: &str) -> PathBuf {
+/// A recording of a heading sensor at 5 Hz for 200 s. `sensor_s` gives the sensor time at a true time; records arrive
+/// with delays of 3 to 7 ms.
+fn recording(folder: &Path, sensor_s: impl Fn(f64) -> f64, clock_rows: &str) -> PathBuf {
     let log = folder.join("compass.csv");
     let mut text = "time_s,heading_deg\n".to_owned();
     let mut stamps = "bytes_before,monotonic_s,unix_s\n0,0.5,0\n".to_owned();
     for i in 0..1000_u32 {
         let true_s = 1.0 + 0.2 * f64::from(i);
-        let arrived_s = true_s + 0.003 + 0.004 * random(u64::from(i));
-        stamps += &format!("{},{arrived_s:.6},0\n", text.len());
-        text += &format!("{:.6},{}\n", own_s(true_s), i % 360);
+        let arrival_s = true_s + 0.003 + 0.004 * random(u64::from(i));
+        stamps += &format!("{},{arrival_s:.6},0\n", text.len());
+        text += &format!("{:.6},{}\n", sensor_s(true_s), i % 360);
     }
     fs::write(&log, text).unwrap();
     fs::write(stamps_of(&log), stamps).unwrap();
@@ -38,14 +38,14 @@ fn clock_rows(cells: &str) -> String {
     (0..200).map(row).collect()
 }
 
-const DISCIPLINED: &str = "PPS,0.000000100,0.000000200,1,";
+const SYNCHRONISED: &str = "PPS,0.000000100,0.000000200,1,";
 
 #[test]
-fn own_utc_is_kept_where_the_system_is_disciplined() {
+fn sensor_times_in_utc_are_kept_if_the_system_clock_is_synchronised() {
     let folder = tempfile::tempdir().unwrap();
-    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(DISCIPLINED));
+    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(SYNCHRONISED));
     let clock = sensor_clock(&log).unwrap().unwrap();
-    assert!(clock.is_kept && clock.offset_s == 0.0, "{clock:?}");
+    assert!(clock.is_synchronised && clock.offset_s == 0.0, "{clock:?}");
     assert!((clock.delay_median_s - 0.005).abs() < 3e-4, "{clock:?}");
     assert!((0.0068..0.00701).contains(&clock.delay_999_s), "{clock:?}");
     let fixes = crate::format::read_heading(&log).unwrap();
@@ -53,12 +53,12 @@ fn own_utc_is_kept_where_the_system_is_disciplined() {
 }
 
 #[test]
-fn a_clock_of_its_own_is_put_on_the_time_of_arrival_less_its_drift() {
+fn an_independent_clock_gets_offset_and_drift_from_the_arrival_times() {
     let folder = tempfile::tempdir().unwrap();
-    let own = |s: f64| 77.0 + s * (1.0 - 5e-5);
-    let log = recording(folder.path(), own, &clock_rows(DISCIPLINED));
+    let sensor_s = |s: f64| 77.0 + s * (1.0 - 5e-5);
+    let log = recording(folder.path(), sensor_s, &clock_rows(SYNCHRONISED));
     let clock = sensor_clock(&log).unwrap().unwrap();
-    assert!(!clock.is_kept);
+    assert!(!clock.is_synchronised);
     assert!((clock.drift - 5e-5).abs() < 1e-6, "{clock:?}");
     let fixes = crate::format::read_heading(&log).unwrap();
     for (i, fix) in fixes.iter().enumerate() {
@@ -69,63 +69,63 @@ fn a_clock_of_its_own_is_put_on_the_time_of_arrival_less_its_drift() {
 }
 
 #[test]
-fn utc_that_nobody_disciplines_is_no_common_time() {
+fn sensor_times_in_utc_are_not_kept_if_the_system_clock_is_not_synchronised() {
     let folder = tempfile::tempdir().unwrap();
     let log = recording(folder.path(), |s| BEGIN_S + 0.04 + s, &clock_rows(",,,,"));
     let clock = sensor_clock(&log).unwrap().unwrap();
-    assert!(!clock.is_kept);
+    assert!(!clock.is_synchronised);
     assert!((clock.offset_s + 0.037).abs() < 1e-4, "{clock:?}");
 }
 
 #[test]
-fn seconds_of_the_day_get_their_date() {
+fn seconds_of_the_day_get_the_date_of_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let midnight_s = 86_400.0 * (BEGIN_S / 86_400.0).floor();
-    let own = |s: f64| BEGIN_S + s - midnight_s;
-    let log = recording(folder.path(), own, &clock_rows(DISCIPLINED));
+    let sensor_s = |s: f64| BEGIN_S + s - midnight_s;
+    let log = recording(folder.path(), sensor_s, &clock_rows(SYNCHRONISED));
     let clock = sensor_clock(&log).unwrap().unwrap();
-    assert!(clock.is_kept);
+    assert!(clock.is_synchronised);
     assert_eq!(clock.offset_s, midnight_s);
 }
 
 #[test]
-fn a_clock_that_is_set_moves_no_time() {
+fn setting_the_system_clock_shifts_no_sensor_time() {
     let folder = tempfile::tempdir().unwrap();
-    let mut rows = clock_rows(DISCIPLINED);
-    let set = format!("{},100.0,{}0.500000\n", BEGIN_S + 100.5, DISCIPLINED);
+    let mut rows = clock_rows(SYNCHRONISED);
+    let set = format!("{},100.0,{}0.500000\n", BEGIN_S + 100.5, SYNCHRONISED);
     rows += &set;
     let log = recording(folder.path(), |s| 5.0 + s, &rows);
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG)).unwrap();
     assert_eq!(recording.steps, [(0.5, 100.0)]);
-    assert!(!recording.is_disciplined());
+    assert!(!recording.is_synchronised());
     let fixes = crate::format::read_heading(&log).unwrap();
     let steps = fixes.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
     assert!(steps.map(|s| (s - 0.2).abs()).fold(0.0, f64::max) < 1e-5);
 }
 
 #[test]
-fn gaps_and_cut_files_are_seen() {
+fn gaps_and_truncated_files_are_recognised() {
     let folder = tempfile::tempdir().unwrap();
-    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(DISCIPLINED));
+    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(SYNCHRONISED));
     let text = fs::read_to_string(stamps_of(&log)).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    // Nothing for 4 s, and half a row at the end.
-    let kept = [&lines[..300], &lines[320..]].concat().join("\n");
-    fs::write(stamps_of(&log), &kept[..kept.len() - 9]).unwrap();
+    // Nothing arrives for 4 s, and the last row is cut off.
+    let remaining = [&lines[..300], &lines[320..]].concat().join("\n");
+    fs::write(stamps_of(&log), &remaining[..remaining.len() - 9]).unwrap();
     let clock = sensor_clock(&log).unwrap().unwrap();
     assert_eq!(clock.gaps, 1);
     assert!((clock.longest_gap_s - 4.2).abs() < 0.01, "{clock:?}");
-    // A log without stamps beside it is no recorded one.
+    // A log without arrival times is not part of a recording.
     fs::remove_file(stamps_of(&log)).unwrap();
     assert_eq!(sensor_clock(&log).unwrap(), None);
     assert!(beside(&log).is_empty());
 }
 
 #[test]
-fn a_sensor_that_was_started_again_is_refused() {
+fn the_log_of_a_restarted_sensor_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let own = |s: f64| if s < 100.0 { s } else { s - 100.0 };
-    let log = recording(folder.path(), own, &clock_rows(DISCIPLINED));
+    let sensor_s = |s: f64| if s < 100.0 { s } else { s - 100.0 };
+    let log = recording(folder.path(), sensor_s, &clock_rows(SYNCHRONISED));
     let error = sensor_clock(&log).unwrap_err().to_string();
     assert!(
         error.contains("compass.csv") && error.contains("go back"),
@@ -141,17 +141,17 @@ fn change(path: &Path, how: impl FnOnce(&mut Vec<String>)) {
     fs::write(path, lines.join("\n") + "\n").unwrap();
 }
 
-/// Asserts that damage to a log or its times of arrival leaves the clock and all times as they were.
+/// Asserts that damage to a log or its arrival times changes neither the clock nor any time.
 fn assert_same_clock(damage: impl Fn(&Path)) {
     let folder = tempfile::tempdir().unwrap();
-    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(DISCIPLINED));
+    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(SYNCHRONISED));
     damage(&log);
     let clock = sensor_clock(&log).unwrap().unwrap();
-    assert!(clock.is_kept && clock.gaps == 0, "{clock:?}");
+    assert!(clock.is_synchronised && clock.gaps == 0, "{clock:?}");
     assert!((0.0068..0.00701).contains(&clock.delay_999_s), "{clock:?}");
 
-    let own = |s: f64| 77.0 + s * (1.0 - 5e-5);
-    let log = recording(folder.path(), own, &clock_rows(DISCIPLINED));
+    let sensor_s = |s: f64| 77.0 + s * (1.0 - 5e-5);
+    let log = recording(folder.path(), sensor_s, &clock_rows(SYNCHRONISED));
     damage(&log);
     let clock = sensor_clock(&log).unwrap().unwrap();
     assert!((clock.drift - 5e-5).abs() < 1e-6, "{clock:?}");
@@ -163,21 +163,21 @@ fn assert_same_clock(damage: impl Fn(&Path)) {
 }
 
 #[test]
-fn a_log_that_is_longer_than_its_times_of_arrival_keeps_its_clock() {
+fn a_log_that_continues_after_its_arrival_times_has_the_same_clock() {
     for rows in [1, 5, 300] {
         assert_same_clock(|log| change(&stamps_of(log), |lines| lines.truncate(1001 - rows)));
     }
 }
 
 #[test]
-fn a_log_that_is_shorter_than_its_times_of_arrival_keeps_its_clock() {
+fn a_log_that_ends_before_its_arrival_times_has_the_same_clock() {
     for rows in [1, 5, 300] {
         assert_same_clock(|log| change(log, |lines| lines.truncate(1001 - rows)));
     }
 }
 
 #[test]
-fn damaged_times_of_arrival_bend_no_clock() {
+fn damaged_arrival_times_do_not_change_the_clock() {
     for damage in [
         "17,",
         "\0\0\0",
@@ -191,9 +191,9 @@ fn damaged_times_of_arrival_bend_no_clock() {
 }
 
 #[test]
-fn missing_times_of_arrival_are_said() {
+fn missing_arrival_times_are_counted() {
     let folder = tempfile::tempdir().unwrap();
-    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(DISCIPLINED));
+    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(SYNCHRONISED));
     let clock = sensor_clock(&log).unwrap().unwrap();
     assert_eq!(clock.damaged_arrivals, 0);
     assert!(clock.beyond_arrivals_s < 0.21, "{clock:?}");
@@ -214,9 +214,9 @@ fn missing_times_of_arrival_are_said() {
 }
 
 #[test]
-fn pieces_of_a_damaged_recording_are_bounded_and_in_their_places() {
+fn pieces_with_damaged_arrival_times_keep_their_places_and_the_largest_size() {
     let folder = tempfile::tempdir().unwrap();
-    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(DISCIPLINED));
+    let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(SYNCHRONISED));
     let pieces = || -> Result<Vec<(usize, f64)>> { Pieces::open(&log)?.collect() };
     let whole = pieces().unwrap();
     change(&stamps_of(&log), |lines| lines[500] = "x".into());
@@ -231,30 +231,30 @@ fn pieces_of_a_damaged_recording_are_bounded_and_in_their_places() {
     });
     let error = pieces().unwrap_err().to_string();
     assert!(error.contains("to byte 999999999"), "{error}");
-    // A log that goes on after its last time of arrival.
+    // A log that continues after its last arrival time.
     change(&stamps_of(&log), |lines| lines.truncate(3));
     fs::write(&log, vec![b'1'; 5 << 20]).unwrap();
     assert!(pieces().unwrap().iter().all(|piece| piece.0 <= 1 << 20));
 }
 
 #[test]
-fn a_total_station_that_is_switched_off_and_on_keeps_its_times() {
+fn times_of_a_total_station_are_corrected_before_and_after_it_is_switched_off() {
     let folder = tempfile::tempdir().unwrap();
-    recording(folder.path(), |s| s, &clock_rows(DISCIPLINED));
+    recording(folder.path(), |s| s, &clock_rows(SYNCHRONISED));
     let log = folder.path().join("station.csv");
     let mut text = "time_s,slope_distance_m,horizontal_deg,vertical_deg,status,monotonic_s,round_trip_s,synchronous,\
                     instrument_time_s\n"
         .to_owned();
     let true_s = |i: u32| 2.0 + f64::from(i) / 7.0;
     for i in 0..1200 {
-        let own_s = if i < 700 {
+        let instrument_s = if i < 700 {
             4000.0 + true_s(i)
         } else {
             true_s(i) - true_s(700) + 8.0
         };
-        let arrived_s = true_s(i) + 0.005 + 0.02 * random(u64::from(i));
-        let time_s = BEGIN_S + arrived_s - 0.004;
-        text += &format!("{time_s:.6},10,45,90,0,{arrived_s:.6},0.008,1,{own_s:.3}\n");
+        let arrival_s = true_s(i) + 0.005 + 0.02 * random(u64::from(i));
+        let time_s = BEGIN_S + arrival_s - 0.004;
+        text += &format!("{time_s:.6},10,45,90,0,{arrival_s:.6},0.008,1,{instrument_s:.3}\n");
     }
     fs::write(&log, text).unwrap();
     let instrument = TotalStation {
@@ -267,8 +267,8 @@ fn a_total_station_that_is_switched_off_and_on_keeps_its_times() {
         sigma_angle_rad: 5e-6,
         sigma_prism_m: 0.005,
     };
-    let found = crate::format::read_positions(&log, &Observations::Polar(instrument)).unwrap();
-    for (i, fix) in found.fixes.iter().enumerate() {
+    let positions = crate::format::read_positions(&log, &Observations::Polar(instrument)).unwrap();
+    for (i, fix) in positions.fixes.iter().enumerate() {
         // The instrument's times are rounded to milliseconds.
         let off_s = fix.time_s - BEGIN_S - true_s(i as u32) - 0.005;
         assert!(off_s.abs() < 2e-3, "{i}: {off_s}");

@@ -29,8 +29,8 @@ impl Walk {
         let (size, crc, start) = (head.size, head.crc, head.start);
         if matches!(head.compression, b"" | b"none") {
             std::mem::swap(into, &mut self.data);
-            let found = (into.len() - start) as u64;
-            self.check(size, found, crc, &into[start..], None)?;
+            let actual = (into.len() - start) as u64;
+            self.check(size, actual, crc, &into[start..], None)?;
             return Ok(start);
         }
         let limit = self.largest_allocation();

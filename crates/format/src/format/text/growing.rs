@@ -8,31 +8,31 @@ use super::whole_lines::WholeLines;
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 
-/// Bytes read at a time in search of the header of a table that is too long to read at once.
+/// Number of bytes read at a time until the end of the header is found, if a table is too long to be read at once.
 const HEADER: u64 = 4096;
 /// Most bytes of a header with its comments; those of the known formats are hundreds of times shorter.
 const MOST_HEADER: usize = 1 << 20;
 
-/// A text table that grows. Its new rows, below its header, are an excerpt for the reader of its format, so that tables
-/// of all formats can be followed.
+/// A text table that grows. Its new rows are put below its header as an excerpt for the reader of its format, so that
+/// tables of all formats can be followed.
 pub struct GrowingTable {
     path: PathBuf,
-    /// Most bytes of new rows; if more have arrived, the older ones are passed over.
+    /// Largest number of bytes of new rows; if more have arrived, the older ones are skipped.
     most: u64,
-    /// Bytes read or passed over.
+    /// Number of bytes read or skipped.
     read: u64,
     lines: WholeLines,
     /// Lines up to the first that is not a comment.
     header: Vec<u8>,
     header_lines: u64,
     has_header: bool,
-    /// Number of lines before the newest rows, including the header; `None` if rows were passed over.
+    /// Number of lines before the newest rows, including the header; `None` if rows were skipped.
     lines_before: Option<u64>,
     new_lines: u64,
 }
 
 impl GrowingTable {
-    /// A table of which nothing has been read; at most `most` bytes of new rows are read at a time.
+    /// A table that has not been read yet; at most `most` bytes of new rows are read at a time.
     pub fn new(path: &Path, most: u64) -> Self {
         Self {
             path: path.to_owned(),
@@ -52,10 +52,10 @@ impl GrowingTable {
         &self.path
     }
 
-    /// The header and the rows that were completed since the last time; `None` without new rows.
+    /// The header and the rows that were completed since the last call; `None` if there are no new rows.
     ///
     /// # Errors
-    /// A file that cannot be read or has become shorter.
+    /// The file cannot be read or has become shorter.
     pub fn new_rows(&mut self) -> Result<Option<Input>> {
         let fail = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(fail)?;
@@ -79,7 +79,7 @@ impl GrowingTable {
             let mut count = left;
             if left > self.most && self.has_header {
                 rows.clear();
-                self.pass_over(left - self.most);
+                self.skip(left - self.most);
                 count = self.most;
             } else if left > self.most {
                 count = HEADER;
@@ -104,7 +104,7 @@ impl GrowingTable {
             }
         }
         if self.lines.begun().len() as u64 > self.most {
-            self.pass_over(0);
+            self.skip(0);
         }
         if rows.iter().all(u8::is_ascii_whitespace) {
             return Ok(None);
@@ -113,8 +113,8 @@ impl GrowingTable {
         Ok(Some(Input::excerpt(&self.path, text)))
     }
 
-    /// Passes over bytes: the next ones may begin in the middle of a row.
-    fn pass_over(&mut self, bytes: u64) {
+    /// Skips bytes; the next ones may begin in the middle of a row.
+    fn skip(&mut self, bytes: u64) {
         self.read += bytes;
         self.lines.interrupt(true);
         self.lines_before = None;
@@ -124,8 +124,8 @@ impl GrowingTable {
     fn split(&mut self, lines: &[u8], rows: &mut Vec<u8>) {
         for line in lines.split_inclusive(|byte| *byte == b'\n') {
             let text = line.trim_ascii();
-            let is_remark = text.is_empty() || text.starts_with(b"#");
-            // If a comment names the columns, the first row consists of numbers.
+            let is_comment = text.is_empty() || text.starts_with(b"#");
+            // If a comment names the columns, the rows begin right after it, with a number.
             let is_number = text
                 .first()
                 .is_some_and(|c| c.is_ascii_digit() || b"+-.".contains(c));
@@ -138,16 +138,16 @@ impl GrowingTable {
             self.header.extend_from_slice(line);
             self.header_lines += 1;
             self.lines_before = self.lines_before.map(|lines| lines + 1);
-            self.has_header = !is_remark;
+            self.has_header = !is_comment;
         }
     }
 
-    /// The line of the table that is this line of the newest excerpt, from 1; `None` if rows were passed over.
+    /// The line of the table, from 1, that corresponds to this line of the newest excerpt; `None` if rows were skipped.
     pub fn line(&self, line: u64) -> Option<u64> {
         Some(line.saturating_sub(self.header_lines) + self.lines_before?)
     }
 
-    /// Makes an error of the newest excerpt name the line of the table, or no line if rows were passed over.
+    /// Changes the line in an error of the newest excerpt to the line of the table; drops it if rows were skipped.
     pub fn locate(&self, error: Error) -> Error {
         match error {
             Error::Format {
@@ -164,7 +164,7 @@ impl GrowingTable {
         }
     }
 
-    /// Whether a last line has begun and has no end.
+    /// Whether the end of the last line is missing.
     pub fn has_incomplete_line(&self) -> bool {
         !self.lines.begun().trim_ascii().is_empty()
     }

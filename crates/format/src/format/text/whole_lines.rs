@@ -1,7 +1,7 @@
-//! Complete lines from bytes that arrive in pieces.
+//! Whole lines from bytes that arrive in pieces.
 
-/// Puts lines together from the pieces in which they arrive. A line of which a part is missing is dropped, because
-/// half a number is a wrong number.
+/// Joins lines from the pieces in which they arrive. Incomplete lines are dropped, because a number that is cut off is
+/// wrong.
 #[derive(Debug, Default)]
 pub struct WholeLines {
     /// The beginning of a line whose end has not arrived.
@@ -11,14 +11,15 @@ pub struct WholeLines {
 }
 
 impl WholeLines {
-    /// Bytes may be missing before the next ones: drops the line that has begun, and if the next bytes may begin in
-    /// the middle of a line (`is_cut`), those up to its end. Returns the number of bytes dropped now.
+    /// Call this if bytes may be missing before the next ones. Drops the beginning of the current line and, if the next
+    /// bytes may begin in the middle of a line (`is_cut`), later the bytes up to its end. Returns the number of bytes
+    /// dropped now.
     pub fn interrupt(&mut self, is_cut: bool) -> u64 {
         self.is_cut = is_cut;
         std::mem::take(&mut self.begun).len() as u64
     }
 
-    /// Returns the lines that these bytes complete, with their ends, and the number of bytes dropped because the
+    /// Returns the lines that these bytes complete, with their line ends, and the number of bytes dropped because the
     /// beginning of their line is missing.
     pub fn take(&mut self, bytes: &[u8]) -> (Vec<u8>, u64) {
         let mut dropped = 0;
@@ -44,7 +45,7 @@ impl WholeLines {
         &self.begun
     }
 
-    /// Takes the beginning of a line as if it were a whole line, for a line that is too long.
+    /// Returns the beginning of the current line as if it were a whole line, because the line is too long.
     pub fn end_line(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.begun)
     }
@@ -55,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_of_which_a_part_is_missing_are_dropped() {
+    fn incomplete_lines_are_dropped() {
         let mut lines = WholeLines::default();
         assert_eq!(lines.interrupt(true), 0);
         assert_eq!(lines.take(b"3"), (Vec::new(), 1));

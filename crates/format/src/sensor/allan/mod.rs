@@ -276,9 +276,9 @@ fn axis_noise(curve: Vec<AllanPoint>) -> AxisNoise {
 
 /// Whether ln σ² rises by `exponent` ln 2 over the octave from `a` to `b`.
 fn has_slope(a: &AllanPoint, b: &AllanPoint, exponent: f64) -> bool {
-    let found = (b.variance() / a.variance()).log2();
+    let slope = (b.variance() / a.variance()).log2();
     let chance = CHANCE_SIGMAS * a.log_sigma().hypot(b.log_sigma()) / std::f64::consts::LN_2;
-    (found - exponent).abs() <= SLOPE_SLACK + chance
+    (slope - exponent).abs() <= SLOPE_SLACK + chance
 }
 
 /// The white noise from the longest run of octaves with σ² ∝ 1/τ, which excludes short τ dominated
@@ -349,7 +349,7 @@ fn bias(curve: &[AllanPoint], density: f64) -> (Figure, Figure) {
 /// noise, rises as √τ over two octaves or more.
 fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
     // ln w² of every point, white noise subtracted, and its standard deviation.
-    let found: Vec<(f64, f64)> = beyond
+    let walks: Vec<(f64, f64)> = beyond
         .iter()
         .map(|p| {
             let rest = p.variance() - density * density / p.tau_s;
@@ -357,12 +357,12 @@ fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
             ((3.0 * rest / p.tau_s).ln(), log_sigma)
         })
         .collect();
-    if found.len() < FEWEST_WALK_POINTS || found.iter().any(|(log, _)| !log.is_finite()) {
+    if walks.len() < FEWEST_WALK_POINTS || walks.iter().any(|(log, _)| !log.is_finite()) {
         return Figure::Undetermined;
     }
-    let weights: f64 = found.iter().map(|(_, s)| s.powi(-2)).sum();
-    let mean = found.iter().map(|(log, s)| log * s.powi(-2)).sum::<f64>() / weights;
-    let follows_walk = found
+    let weights: f64 = walks.iter().map(|(_, s)| s.powi(-2)).sum();
+    let mean = walks.iter().map(|(log, s)| log * s.powi(-2)).sum::<f64>() / weights;
+    let follows_walk = walks
         .iter()
         .all(|(log, s)| (log - mean).abs() <= OUTLYING_SIGMAS * s);
     // A flat floor must not explain the same points.
@@ -373,7 +373,7 @@ fn walk(beyond: &[&AllanPoint], density: f64) -> Figure {
         return Figure::Undetermined;
     }
     let value = (0.5 * mean).exp();
-    let best = found.iter().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);
+    let best = walks.iter().map(|(_, s)| *s).fold(f64::INFINITY, f64::min);
     Figure::Determined {
         value,
         sigma: 0.5 * value * best,

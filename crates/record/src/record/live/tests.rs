@@ -18,19 +18,19 @@ const HEADING: &str = "time_s,heading_deg\n";
 struct Drive {
     folder: tempfile::TempDir,
     live: Live,
-    /// How far the clocks of IMU and prism are slow, seconds.
-    late_s: [f64; 2],
+    /// By how much the clocks of the IMU and the prism are slow, seconds.
+    slow_s: [f64; 2],
     polar: bool,
 }
 
-fn project(folder: &Path, frame: &str, prism: &str, late_s: [f64; 2]) -> Field {
+fn project(folder: &Path, frame: &str, prism: &str, slow_s: [f64; 2]) -> Field {
     let text = format!(
         "[frame]\nbody = \"FRD\"\n{frame}[imu]\nfile = \"imu.csv\"\ntime_offset_s = {}\n\
          gyro_noise_deg_sqrt_h = 0.15\naccel_noise_ug_sqrt_hz = 57.0\n\
          gyro_bias_instability_deg_h = 7.0\naccel_bias_instability_ug = 14.0\n\
          [prism]\nfile = \"prism.csv\"\ntime_offset_s = {}\nlever_arm_m = [0, 0, 0]\n{prism}\
          [heading]\nfile = \"heading.csv\"\nsigma_deg = 0.5\n",
-        late_s[0], late_s[1]
+        slow_s[0], slow_s[1]
     );
     fs::write(folder.join("project.toml"), text).unwrap();
     Field {
@@ -43,13 +43,13 @@ fn project(folder: &Path, frame: &str, prism: &str, late_s: [f64; 2]) -> Field {
 }
 
 impl Drive {
-    fn new(late_s: [f64; 2]) -> Self {
-        Self::with("", "sigma_m = 0.005\n", late_s, false)
+    fn new(slow_s: [f64; 2]) -> Self {
+        Self::with("", "sigma_m = 0.005\n", slow_s, false)
     }
 
-    fn with(frame: &str, prism: &str, late_s: [f64; 2], polar: bool) -> Self {
+    fn with(frame: &str, prism: &str, slow_s: [f64; 2], polar: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let field = project(folder.path(), frame, prism, late_s);
+        let field = project(folder.path(), frame, prism, slow_s);
         let columns = if polar {
             "time_s,slope_distance_m,horizontal_deg,vertical_deg\n"
         } else {
@@ -62,7 +62,7 @@ impl Drive {
         Self {
             folder,
             live,
-            late_s,
+            slow_s,
             polar,
         }
     }
@@ -76,7 +76,7 @@ impl Drive {
     /// Appends the measurements of the IMU; `from` and `to` in hundredths of a second.
     fn imu(&self, from: u32, to: u32) {
         for k in from..to {
-            let time_s = BEGIN_S + 0.01 * f64::from(k) - self.late_s[0];
+            let time_s = BEGIN_S + 0.01 * f64::from(k) - self.slow_s[0];
             self.append("imu.csv", &format!("{time_s:.3},0,0,0,0,0,-9.81"));
         }
     }
@@ -85,7 +85,7 @@ impl Drive {
     fn others(&self, from: u32, to: u32) {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
-            let time_s = true_s - self.late_s[1];
+            let time_s = true_s - self.slow_s[1];
             let place = if self.polar {
                 let level_m = east_m.hypot(20.0);
                 let hz_deg = east_m.atan2(20.0).to_degrees();
@@ -100,7 +100,7 @@ impl Drive {
 
     fn look(&mut self, hundredths: u32) {
         let now_s = BEGIN_S + 0.01 * f64::from(hundredths);
-        self.live.look(now_s).unwrap();
+        self.live.update(now_s).unwrap();
     }
 }
 
@@ -134,7 +134,7 @@ fn positions_and_headings_that_arrive_before_the_imu_are_used() {
 
 #[test]
 fn a_row_without_a_distance_does_not_end_the_live_pose() {
-    // Only a build with projections reads such a project.
+    // Only a build with projections reads a project with a coordinate reference system.
     if Projection::new("EPSG:25832").is_err() {
         return;
     }

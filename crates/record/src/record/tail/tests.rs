@@ -33,20 +33,20 @@ impl Growing {
     }
 }
 
-/// A row of 20 bytes with a time of the sensor's own clock.
-fn heading_row(own_s: f64) -> String {
-    format!("{own_s:012.3},90.000\n")
+/// A row of 20 bytes with a time of the sensor's clock.
+fn heading_row(sensor_s: f64) -> String {
+    format!("{sensor_s:012.3},90.000\n")
 }
 
 #[test]
-fn a_row_whose_beginning_was_skipped_is_left_out() {
+fn a_row_whose_beginning_lies_before_the_window_is_left_out() {
     let mut growing = Growing::new("a.csv");
     growing.look(999.0, "time_s,heading_deg\n").unwrap();
     for second in 1000..1010 {
         let second = f64::from(second);
         growing.look(second, &heading_row(second)).unwrap();
     }
-    // More than the window at once, which then begins within the heading of a row.
+    // More bytes than the window holds arrive at once, so that it begins in the middle of a row's heading.
     let many: String = (1..20_000)
         .map(|k| heading_row(1010.0 + 1e-3 * f64::from(k)))
         .collect();
@@ -68,19 +68,19 @@ fn a_restarted_sensor_gets_a_new_offset() {
     let mut fixes = Vec::new();
     for k in 0..60 {
         let common_s = 9000.0 + 0.5 * f64::from(k);
-        let own_s = if k < 30 {
+        let sensor_s = if k < 30 {
             common_s - 8000.0
         } else {
             common_s - 9010.0
         };
-        fixes = growing.look(common_s, &heading_row(own_s)).unwrap();
+        fixes = growing.look(common_s, &heading_row(sensor_s)).unwrap();
         assert!(fixes.iter().all(|fix| (fix.time_s - common_s).abs() < 0.01));
     }
     assert_eq!(fixes.len(), 1);
 }
 
 #[test]
-fn a_log_without_new_records_of_a_kind_is_no_error() {
+fn new_bytes_without_a_heading_are_no_error() {
     let sentence = |body: &str| {
         let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
         format!("${body}*{sum:02X}\r\n")

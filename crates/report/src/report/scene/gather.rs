@@ -118,7 +118,7 @@ impl Frame {
         let counts = chosen.iter().map(|(_, points)| points.len() as u16);
         Fan {
             name: scan.name.into(),
-            of: scan.of,
+            total: scan.total,
             coordinates: [axis(0), axis(1), axis(2)],
             counts: counts.collect(),
             times: profiles().map(|profile| time(profile.time_s)).collect(),

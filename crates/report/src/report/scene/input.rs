@@ -33,8 +33,8 @@ pub struct Scan<'a> {
     /// Added to its times to get those of the trajectory, seconds.
     pub time_offset_s: f64,
     /// Number of points with a pose in its recordings.
-    pub of: u64,
-    /// A sample of them, in the order of their times, each with the number of its profile.
+    pub total: u64,
+    /// A sample of these points, in the order of their times, each with the number of its profile.
     pub points: &'a [(u32, ScanPoint)],
 }
 

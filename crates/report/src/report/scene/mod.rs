@@ -89,7 +89,7 @@ pub struct Fan {
     /// Name of the scanner.
     pub name: String,
     /// Number of points with a pose in its recordings.
-    pub of: u64,
+    pub total: u64,
     /// x, y and z in the scanner frame, metres, of each point.
     pub coordinates: [Range16; 3],
     /// Number of points of each profile.

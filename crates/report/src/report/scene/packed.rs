@@ -154,7 +154,7 @@ impl Lists {
         let points: usize = fan.counts.iter().map(|&n| usize::from(n)).sum();
         json!({
             "name": fan.name,
-            "of": fan.of,
+            "of": fan.total,
             "points": points,
             "x_m": x,
             "y_m": y,

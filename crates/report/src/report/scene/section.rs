@@ -56,7 +56,7 @@ fn variant_names(scene: &Scene) -> Vec<&'static str> {
 fn counted(name: &str, scene: &Scene) -> String {
     let shown = scene.fans.iter().flat_map(|fan| &fan.counts);
     let shown: usize = shown.map(|&count| usize::from(count)).sum();
-    let total: u64 = scene.fans.iter().map(|fan| fan.of).sum();
+    let total: u64 = scene.fans.iter().map(|fan| fan.total).sum();
     format!(
         "{name}: {} of {}",
         number::count(shown),

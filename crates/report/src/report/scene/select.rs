@@ -30,11 +30,11 @@ pub struct Profile<'a> {
 /// A profile with its points that are shown.
 pub type Chosen<'a> = (Profile<'a>, Vec<ScanPoint>);
 
-/// Whether item `n` of `of` belongs to a sample of about `most` items that are evenly spread.
-fn is_one_of(n: u64, most: usize, of: usize) -> bool {
+/// Whether item `n` of `total` items belongs to an evenly spread sample of about `most` items.
+fn is_sampled(n: u64, most: usize, total: usize) -> bool {
     // Multiples of the golden ratio are spread evenly over [0, 2⁶⁴).
     let place = n.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    place as f64 / 2f64.powi(64) * (of as f64) < most as f64
+    place as f64 / 2f64.powi(64) * (total as f64) < most as f64
 }
 
 /// The profiles of a scanner that have a pose by every trajectory, at most [`MOST_PROFILES`].
@@ -48,7 +48,7 @@ pub fn profiles<'a>(scan: &Scan<'a>, trajectories: &[&Trajectory]) -> Vec<Profil
     let some = all
         .into_iter()
         .zip(0..)
-        .filter(|(_, n)| is_one_of(*n, MOST_PROFILES, many));
+        .filter(|(_, n)| is_sampled(*n, MOST_PROFILES, many));
     let known = some.filter_map(|(points, _)| {
         let time_s = points[0].1.time_s + scan.time_offset_s;
         let poses: Option<Vec<_>> = cursors.iter_mut().map(|c| c.pose_at(time_s)).collect();
@@ -79,7 +79,7 @@ pub fn placed(
             let by = scanner as u32 + scans.len() as u32 * pass;
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, MOST_PLACED, total) {
+                if is_sampled(n, MOST_PLACED, total) {
                     all.push((pose.map(&point.position_m), by));
                 }
             }
@@ -117,7 +117,7 @@ pub fn select<'a>(
             let mut points = Vec::new();
             for (_, point) in profile.points {
                 n += 1;
-                if is_one_of(n, most_points, total) || is_near(&pose.map(&point.position_m)) {
+                if is_sampled(n, most_points, total) || is_near(&pose.map(&point.position_m)) {
                     points.push(*point);
                 }
             }
@@ -145,7 +145,7 @@ pub fn reference(all: &[Vec3], places: &[Place], origin_m: &Vec3) -> (Places, u6
             .any(|place| (place.centre_m - point).norm_squared() <= reach);
         let from_origin = point - origin_m;
         let fits = from_origin.amax() < f64::from(i32::MAX) * REFERENCE_STEP_M;
-        if fits && (is_near || is_one_of(n, MOST_REFERENCE, all.len())) {
+        if fits && (is_near || is_sampled(n, MOST_REFERENCE, all.len())) {
             shown.push(&from_origin, REFERENCE_STEP_M);
         }
     }

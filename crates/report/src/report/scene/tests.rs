@@ -89,7 +89,7 @@ impl Case {
         let scans = names.iter().zip(&self.points).map(|(name, points)| Scan {
             name,
             time_offset_s: OFFSET_S,
-            of: 10 * points.len() as u64,
+            total: 10 * points.len() as u64,
             points,
         });
         let view = |kind, trajectory, number: usize, bending| View {
@@ -280,7 +280,7 @@ fn equal_drives_give_equal_bytes() {
         scans: vec![Scan {
             name: "left",
             time_offset_s: 0.0,
-            of: 1,
+            total: 1,
             points: &case.points[0],
         }],
         views: vec![twice(MountingKind::Initial), twice(MountingKind::Final)],

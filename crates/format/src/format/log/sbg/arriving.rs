@@ -10,7 +10,7 @@ pub struct Arriving {
     /// Bytes at the end that may be the beginning of a frame.
     pending: Vec<u8>,
     utc: &'static str,
-    solution: &'static str,
+    filter: &'static str,
 }
 
 impl Arriving {
@@ -25,9 +25,9 @@ impl Arriving {
                     let frame = &self.pending[at..at + size];
                     let payload = Fields(&frame[6..size - 3]);
                     match (frame[3], frame[2]) {
-                        UTC_TIME => self.utc = utc_word(payload),
-                        EKF_EULER => self.solution = solution_word(payload, 28),
-                        EKF_QUAT => self.solution = solution_word(payload, 32),
+                        UTC_TIME => self.utc = utc_status(payload),
+                        EKF_EULER => self.filter = filter_status(payload, 28),
+                        EKF_QUAT => self.filter = filter_status(payload, 32),
                         _ => {}
                     }
                     frames += 1;
@@ -44,16 +44,16 @@ impl Arriving {
         (frames, other_bytes)
     }
 
-    /// The state of the device's clock and of its solution, in words; empty if neither is known.
-    pub fn word(&self) -> String {
-        let states = [self.utc, self.solution];
-        let known: Vec<&str> = states.into_iter().filter(|s| !s.is_empty()).collect();
+    /// The status of the device's clock and of its filter as text; empty if neither is known.
+    pub fn device_status(&self) -> String {
+        let statuses = [self.utc, self.filter];
+        let known: Vec<&str> = statuses.into_iter().filter(|s| !s.is_empty()).collect();
         known.join(", ")
     }
 }
 
-/// The state of the clock, from a UTC_TIME message.
-fn utc_word(payload: Fields<'_>) -> &'static str {
+/// The status of the clock, from a UTC_TIME message.
+fn utc_status(payload: Fields<'_>) -> &'static str {
     const ALIGNED: u16 = 1 << 5;
     let state = payload.u16(4).unwrap_or(0);
     match ((state >> 6) & 0xf, state & ALIGNED) {
@@ -65,7 +65,7 @@ fn utc_word(payload: Fields<'_>) -> &'static str {
 }
 
 /// The mode of the filter: the lowest four bits of the state at this offset.
-fn solution_word(payload: Fields<'_>, at: usize) -> &'static str {
+fn filter_status(payload: Fields<'_>, at: usize) -> &'static str {
     match payload.u32(at).map(|state| state & 0xf) {
         Some(1) => "filter: vertical gyro",
         Some(2) => "filter: attitude and heading",

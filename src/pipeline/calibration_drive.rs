@@ -1,5 +1,5 @@
-//! The project's own drive: inputs of stages are made when a stage first asks for them, because a stage that an earlier
-//! run finished needs none.
+//! The calibration drive, which is the drive of the project itself. Its reference, poses and samples are prepared when
+//! a stage first needs them, because stages that an earlier run finished need none.
 
 use std::cell::OnceCell;
 
@@ -12,8 +12,8 @@ use crate::geometry::Vec3;
 use crate::progress::Progress;
 use crate::project::Project;
 
-/// Reference, poses and samples of a drive.
-pub struct Own<'a> {
+/// The reference, the poses and the samples of the calibration drive.
+pub struct CalibrationDrive<'a> {
     project: &'a Project,
     reference: OnceCell<Vec<Vec3>>,
     surface: OnceCell<Option<ReferenceSurface>>,
@@ -21,8 +21,8 @@ pub struct Own<'a> {
     samples: OnceCell<Vec<ScannerSample>>,
 }
 
-impl<'a> Own<'a> {
-    /// The project's own drive, with nothing read yet.
+impl<'a> CalibrationDrive<'a> {
+    /// The drive of a project, of which nothing has been read yet.
     pub fn new(project: &'a Project) -> Self {
         Self {
             project,
@@ -38,7 +38,7 @@ impl<'a> Own<'a> {
     /// # Errors
     /// See [`stages::reference`].
     pub fn reference(&self, progress: &dyn Progress) -> Result<&[Vec3]> {
-        made(&self.reference, || {
+        get_or_make(&self.reference, || {
             stages::reference(self.project, progress)
         })
         .map(Vec::as_slice)
@@ -52,7 +52,7 @@ impl<'a> Own<'a> {
     pub fn surface(&self, progress: &dyn Progress) -> Result<Option<&ReferenceSurface>> {
         let reference = self.reference(progress)?;
         let settings = &self.project.comparison;
-        made(&self.surface, || {
+        get_or_make(&self.surface, || {
             ReferenceSurface::upwards("the reference", reference, settings, progress)
         })
         .map(Option::as_ref)
@@ -63,29 +63,30 @@ impl<'a> Own<'a> {
     /// # Errors
     /// See [`stages::poses`].
     pub fn poses(&self, progress: &dyn Progress) -> Result<&EstimatedPoses> {
-        made(&self.poses, || stages::poses(self.project, progress))
+        get_or_make(&self.poses, || stages::poses(self.project, progress))
     }
 
-    /// A sample of each scanner, by the mountings and scales of `rig`.
+    /// A sample of each scanner's points, with the mountings and scales of `rig` in the first call.
     ///
     /// # Errors
     /// See [`stages::samples`].
     pub fn samples(&self, rig: &Rig, progress: &dyn Progress) -> Result<&[ScannerSample]> {
         let trajectory = self.poses(progress)?.trajectory();
         let make = || stages::samples(self.project, rig, trajectory, progress);
-        made(&self.samples, make).map(Vec::as_slice)
+        get_or_make(&self.samples, make).map(Vec::as_slice)
     }
 
     /// Frees the memory of poses and samples.
-    pub fn forget_poses_and_samples(&mut self) {
+    pub fn drop_poses_and_samples(&mut self) {
         self.poses.take();
         self.samples.take();
     }
 }
 
-fn made<T>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
-    if let Some(made) = cell.get() {
-        return Ok(made);
+/// The value of a cell; the first call makes it.
+fn get_or_make<T>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(value) = cell.get() {
+        return Ok(value);
     }
     let value = make()?;
     Ok(cell.get_or_init(|| value))
