@@ -188,7 +188,7 @@
 //! | [`results`] | results of the stages, before they are judged or shown |
 //! | [`number`] | values as text: significant digits, lengths with their unit |
 //! | [`diagnostics`] | numbers on an adjusted trajectory: sigmas of poses, residuals, rejections |
-//! | [`judgement`] | verdicts on results |
+//! | [`judgement`] | results turned into verdicts, each once |
 //! | [`report`] | tables, figures, the page |
 //! | [`project`] | `project.toml`: parsing and validation |
 //! | [`feed`] | the records of a drive in common time, with the origin subtracted |

@@ -154,7 +154,7 @@ impl NeighbourIndex {
                         queries,
                         neighbourhood,
                     };
-                    solve_group(&task, &mut scratch, &mut found);
+                    Found::solve_group(&task, &mut scratch, &mut found);
                     values.extend(each(group.points(), &found));
                     progress.advance(queries.len() as u64);
                 }
@@ -168,6 +168,10 @@ impl NeighbourIndex {
 trait Take: Clone + Send + Sync {
     /// Extracts it from the chosen candidates.
     fn take<L: Lanes>(candidates: &mut Candidates, query: &Vec3, reach_m: f64) -> Self;
+
+    /// Is [`solve_group`], compiled here once instead of in every crate that searches neighbours, which may not be
+    /// optimised.
+    fn solve_group(group: &Group<'_>, scratch: &mut Scratch<Self>, found: &mut [Self]);
 }
 
 impl Take for Surroundings {
@@ -178,6 +182,11 @@ impl Take for Surroundings {
             reach_m,
         }
     }
+
+    #[inline(never)]
+    fn solve_group(group: &Group<'_>, scratch: &mut Scratch<Self>, found: &mut [Self]) {
+        solve_group(group, scratch, found);
+    }
 }
 
 /// Indices.
@@ -185,6 +194,11 @@ impl Take for Vec<u32> {
     #[inline(always)]
     fn take<L: Lanes>(candidates: &mut Candidates, _query: &Vec3, _reach_m: f64) -> Self {
         candidates.chosen_indices::<L>()
+    }
+
+    #[inline(never)]
+    fn solve_group(group: &Group<'_>, scratch: &mut Scratch<Self>, found: &mut [Self]) {
+        solve_group(group, scratch, found);
     }
 }
 
