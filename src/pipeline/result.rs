@@ -102,7 +102,7 @@ pub fn solution(solution: &Solution) -> Value {
     })
 }
 
-/// The adjustment of the trajectory: its [`solution`](self::solution) with the test of each sensor, the worst
+/// The adjustment of the trajectory: its [`solution`] with the test of each sensor, the worst
 /// measurements, the number of rejections, and the standard deviations of the poses.
 pub fn trajectory(solution: &Solution, poses: &[PoseRecord]) -> Value {
     let mut value = self::solution(solution);
