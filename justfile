@@ -40,6 +40,11 @@ lint:
     cargo clippy --no-default-features --features cli -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps
 
+# Compiles with the oldest Rust that the README names, before a release or after a change of dependencies
+oldest:
+    rustup toolchain install 1.89 --profile minimal
+    CARGO_TARGET_DIR=target/oldest rustup run 1.89 cargo check --locked
+
 # Licences, advisories and sources of the dependencies (needs cargo-deny and the network; `.ci/run` does without)
 deny:
     cargo deny check
