@@ -1,6 +1,7 @@
 //! After every fault the measurements continue; events are counted, and no value is invented.
 
 use std::net::TcpStream;
+use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::common::instrument::{self, Run, quick, track};
@@ -13,7 +14,46 @@ fn run(seconds: f64, faults: Vec<Fault>) -> Run {
     track(seconds, faults, SimulatedSettings::default(), quick())
 }
 
+/// These cases mostly wait for the instrument, so they run side by side.
+macro_rules! side_by_side {
+    ($($case:ident),* $(,)?) => {
+        [$((stringify!($case), $case as fn())),*]
+    };
+}
+
 #[test]
+fn measurements_continue_after_every_fault() {
+    let cases = side_by_side![
+        a_lost_prism_is_locked_again,
+        a_busy_instrument_is_asked_again,
+        a_request_is_repeated_after_a_wrong_checksum,
+        late_replies_are_not_taken_for_later_ones,
+        a_request_is_repeated_after_a_missing_reply,
+        a_silent_instrument_is_an_error_and_is_used_again_later,
+        garbage_is_counted_and_skipped,
+        a_pulled_cable_is_an_error_that_names_the_port,
+        unknown_procedures_are_replaced_with_a_note,
+        an_instrument_without_lock_and_prism_types_can_be_used,
+        an_instrument_without_checksums_can_be_used,
+        repeated_distances_count_once,
+        tracking_continues_after_someone_stopped_it_at_the_instrument,
+        a_prism_that_is_hidden_at_the_start_is_found_later,
+        a_prism_outside_the_search_window_is_found_only_by_power_search,
+        measurements_continue_after_all_faults_at_once,
+    ];
+    let failed: Vec<&str> = thread::scope(|scope| {
+        let running = cases.map(|(name, case)| {
+            let thread = thread::Builder::new().name(name.to_owned());
+            (name, thread.spawn_scoped(scope, case).unwrap())
+        });
+        let failed = running
+            .into_iter()
+            .filter_map(|(name, thread)| thread.join().err().map(|_| name));
+        failed.collect()
+    });
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
 fn a_lost_prism_is_locked_again() {
     let run = run(6.0, vec![Fault::between(FaultKind::LostLock, 1.5, 3.5)]);
     assert_eq!((run.lost, run.relocked, run.counters.losses), (1, 1, 1));
@@ -26,7 +66,6 @@ fn a_lost_prism_is_locked_again() {
     assert!(run.longest_gap_s(1.5, 6.0) > 2.0);
 }
 
-#[test]
 fn a_busy_instrument_is_asked_again() {
     let busy = Fault::between(FaultKind::Busy, 0.0, 4.0).every(4);
     let all = Fault::between(FaultKind::Busy, 1.5, 2.2);
@@ -39,7 +78,6 @@ fn a_busy_instrument_is_asked_again() {
     );
 }
 
-#[test]
 fn a_request_is_repeated_after_a_wrong_checksum() {
     for checksum in [false, true] {
         let fault = Fault::between(FaultKind::WrongChecksum, 0.0, 9.0).every(7);
@@ -62,7 +100,6 @@ fn a_request_is_repeated_after_a_wrong_checksum() {
     }
 }
 
-#[test]
 fn late_replies_are_not_taken_for_later_ones() {
     // Slower than the time-out of 0.4 s, then slow but in time.
     let late = Fault::between(FaultKind::Slow(Duration::from_millis(550)), 1.0, 5.0).every(10);
@@ -77,7 +114,6 @@ fn late_replies_are_not_taken_for_later_ones() {
     assert!(run.distances() >= 10);
 }
 
-#[test]
 fn a_request_is_repeated_after_a_missing_reply() {
     let run = run(
         5.0,
@@ -88,7 +124,6 @@ fn a_request_is_repeated_after_a_missing_reply() {
     assert_eq!(run.broken_links, 0);
 }
 
-#[test]
 fn a_silent_instrument_is_an_error_and_is_used_again_later() {
     let run = run(5.0, vec![Fault::between(FaultKind::Silent, 1.0, 2.8)]);
     assert!(
@@ -103,7 +138,6 @@ fn a_silent_instrument_is_an_error_and_is_used_again_later() {
     );
 }
 
-#[test]
 fn garbage_is_counted_and_skipped() {
     let garbage = Fault::between(FaultKind::Garbage, 0.0, 5.0).every(5);
     let run = run(5.0, vec![garbage]);
@@ -113,7 +147,6 @@ fn garbage_is_counted_and_skipped() {
     assert_eq!(run.broken_links, 0);
 }
 
-#[test]
 fn a_pulled_cable_is_an_error_that_names_the_port() {
     let run = run(6.0, vec![Fault::between(FaultKind::CableOut, 1.5, 3.0)]);
     assert!(run.broken_links >= 1);
@@ -126,7 +159,6 @@ fn a_pulled_cable_is_an_error_that_names_the_port() {
     assert!(run.longest_gap_s(1.5, 6.0) > 1.4);
 }
 
-#[test]
 fn unknown_procedures_are_replaced_with_a_note() {
     let mut unknown = vec![];
     for (procedure, ways) in [
@@ -154,7 +186,6 @@ fn unknown_procedures_are_replaced_with_a_note() {
     }
 }
 
-#[test]
 fn an_instrument_without_lock_and_prism_types_can_be_used() {
     use Procedure::{GetLockState, GetPrismType, LockIn, SetLockState};
     let unknown = vec![GetLockState, SetLockState, LockIn, GetPrismType];
@@ -171,7 +202,6 @@ fn an_instrument_without_lock_and_prism_types_can_be_used() {
     assert!(run.measurements.len() > 10);
 }
 
-#[test]
 fn an_instrument_without_checksums_can_be_used() {
     let simulated = SimulatedSettings {
         has_checksums: false,
@@ -186,7 +216,6 @@ fn an_instrument_without_checksums_can_be_used() {
     assert!(run.distances() >= 5);
 }
 
-#[test]
 fn repeated_distances_count_once() {
     let simulated = SimulatedSettings {
         repeats_distances: true,
@@ -239,7 +268,6 @@ fn a_mode_that_cannot_be_restored_is_not_changed() {
     assert_does_not_start(Procedure::GetPrismType, &why);
 }
 
-#[test]
 fn tracking_continues_after_someone_stopped_it_at_the_instrument() {
     let simulated = Simulated::new(Default::default(), instrument::target);
     let server = TcpInstrument::listen("127.0.0.1:0", simulated).unwrap();
@@ -263,14 +291,12 @@ fn tracking_continues_after_someone_stopped_it_at_the_instrument() {
     assert!(distances > 10, "{distances}");
 }
 
-#[test]
 fn a_prism_that_is_hidden_at_the_start_is_found_later() {
     let run = run(4.0, vec![Fault::between(FaultKind::LostLock, 0.0, 1.5)]);
     assert_eq!((run.lost, run.relocked), (1, 1));
     assert!(run.distances() > 8);
 }
 
-#[test]
 fn a_prism_outside_the_search_window_is_found_only_by_power_search() {
     for power_search in [false, true] {
         let settings = TrackingSettings {
@@ -306,7 +332,6 @@ fn another_instrument_is_not_taken_for_the_first() {
     assert_eq!(second.simulated().modes(), instrument::USERS);
 }
 
-#[test]
 fn measurements_continue_after_all_faults_at_once() {
     let at = |kind, from_s, to_s| Fault::between(kind, from_s, to_s);
     let run = run(
