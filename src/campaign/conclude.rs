@@ -47,7 +47,7 @@ pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outco
             (Some(document), _) => {
                 match document.parts() {
                     Ok(parts) => {
-                        add(item, (&document.content, parts.headline), &mut page);
+                        add(item, &document.content, parts.headline, &mut page);
                         if !parts.tiles.is_empty() {
                             wkts.insert(document.content["crs_wkt"].as_str().map(str::to_owned));
                         }
@@ -231,7 +231,7 @@ fn extent(item: &Item, tile: Tile) -> Extent {
 }
 
 /// Adds the results of a finished item to the page.
-fn add(item: &Item, (result, headline): (&Value, Option<Headline>), page: &mut CampaignPage) {
+fn add(item: &Item, result: &Value, headline: Option<Headline>, page: &mut CampaignPage) {
     let (plot, date) = (
         item.plot.clone().unwrap_or_default(),
         item.date.clone().unwrap_or_default(),

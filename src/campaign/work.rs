@@ -39,7 +39,7 @@ pub fn work(
         seed: None,
         fresh: false,
     };
-    let done = results(item, root, (out, &options), memory_bytes, progress);
+    let done = results(item, root, out, &options, memory_bytes, progress);
     let mut result = done.inspect_err(|_| {
         // Removes the folder only if it is empty.
         let _ = fs::remove_dir(&folder);
@@ -65,7 +65,8 @@ pub fn work(
 fn results(
     item: &Item,
     root: &Path,
-    (out, options): (&Path, &Options),
+    out: &Path,
+    options: &Options,
     memory_bytes: Option<u64>,
     progress: &dyn Progress,
 ) -> Result<Value> {
@@ -91,10 +92,9 @@ fn results(
             };
             project.check_files()?;
             let name = item.to_string();
-            let named = (name.as_str(), *tile_m, verdict);
-            pipeline::field(&project, &rig, named, options, progress)?.result
+            pipeline::field(&project, &rig, &name, *tile_m, verdict, options, progress)?.result
         }
-        Task::Change { comparison } => change(item, (comparison, memory_bytes), out, progress)?,
+        Task::Change { comparison } => change(item, comparison, memory_bytes, out, progress)?,
         Task::Overlap { project, mountings } => {
             let (project, rig, _) = placed(project, mountings, root, out)?;
             let project = project.with_reference(None);
@@ -207,7 +207,8 @@ fn placed(
 /// Compares the tiles of two drives.
 fn change(
     item: &Item,
-    settings: (&ComparisonSettings, Option<u64>),
+    settings: &ComparisonSettings,
+    memory_bytes: Option<u64>,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Value> {
@@ -223,8 +224,10 @@ fn change(
     let plot = item.plot.as_deref().unwrap_or_default();
     let statistics = pipeline::compare::change::change(
         [&tiles[0], &tiles[1]],
-        (plot, dates),
+        plot,
+        dates,
         settings,
+        memory_bytes,
         &item.folder(out),
         progress,
     )?;

@@ -89,7 +89,7 @@ pub fn analyse(
         calibration: &calibrated.result,
         keys: &keys,
     };
-    let drives = compared.all((poses, adjusted, samples), &calibration_drive, &mut job)?;
+    let drives = compared.all(poses, adjusted, samples, &calibration_drive, &mut job)?;
     let (drives, scenes): (Vec<_>, Vec<_>) = drives.into_iter().unzip();
     let mut findings = calibrated.findings(mountings, drives, &mut job);
     findings.scenes = scenes;

@@ -243,7 +243,8 @@ pub fn stream(
         .map(|(scanner, (sample, place))| {
             warn_of_missing(
                 &scanner.name,
-                (place.outside(), place.read()),
+                place.outside(),
+                place.read(),
                 place.excluded(),
                 progress,
             );

@@ -124,7 +124,7 @@ pub fn convert(
     let staging = Staging::new(folder, &[input.to_owned()], &[&*name])?;
     let staged = staging.path(&name);
     // Errors of the file in the staging folder name the requested output.
-    let summary = written(file, output, &staged, (format, with), progress)
+    let summary = written(file, output, &staged, format, with, progress)
         .map_err(|error| error.renamed(&staged, output))?;
     progress.check()?;
     staging.commit()?;
@@ -142,7 +142,8 @@ fn written(
     input: &Input,
     output: &Path,
     staged: &Path,
-    (format, with): (Format, &Conversion),
+    format: Format,
+    with: &Conversion,
     progress: &dyn Progress,
 ) -> Result<String> {
     let poses = by_extension(output, &POSES).filter(|_| format.has_poses());

@@ -96,7 +96,9 @@ impl Compared<'_> {
     /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
     pub fn all(
         &self,
-        (poses, adjusted, samples): (Poses, Adjusted, Option<Vec<CloudSample>>),
+        poses: Poses,
+        adjusted: Adjusted,
+        samples: Option<Vec<CloudSample>>,
         calibration_drive: &CalibrationDrive<'_>,
         job: &mut Job<'_>,
     ) -> Result<Vec<DriveAndScene>> {
@@ -113,8 +115,10 @@ impl Compared<'_> {
             };
             self.drive(
                 drive,
-                (poses, &adjusted),
-                (calibration_drive, &samples),
+                poses,
+                &adjusted,
+                calibration_drive,
+                &samples,
                 progress,
             )
         })?;
@@ -164,8 +168,10 @@ impl Compared<'_> {
         });
         self.drive(
             drive,
-            (poses, &adjusted),
-            (calibration_drive, &samples),
+            poses,
+            &adjusted,
+            calibration_drive,
+            &samples,
             progress,
         )
     }
@@ -173,8 +179,10 @@ impl Compared<'_> {
     fn drive(
         &self,
         ComparedDrive { name, project, rig }: ComparedDrive<'_>,
-        (poses, adjusted): (Poses, &Adjusted),
-        (calibration_drive, samples): (&CalibrationDrive<'_>, &[CloudSample]),
+        poses: Poses,
+        adjusted: &Adjusted,
+        calibration_drive: &CalibrationDrive<'_>,
+        samples: &[CloudSample],
         progress: &dyn Progress,
     ) -> Result<DriveAndScene> {
         let (trajectory, bending) = (&adjusted.trajectory, adjusted.bending.as_slice());

@@ -29,7 +29,9 @@ pub const PAGE: &str = "drive.html";
 pub fn field(
     project: &Project,
     rig: &Rig,
-    (name, tile_m, mounting_verdict): (&str, f64, Option<Verdict>),
+    name: &str,
+    tile_m: f64,
+    mounting_verdict: Option<Verdict>,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {

@@ -198,7 +198,7 @@ impl SortedFiles {
             let numbered = (2..).map(|number| format!("{plain}-{number}"));
             let mut free = std::iter::once(plain.clone()).chain(numbered);
             let name = free.find(|name| !names.contains(name)).unwrap_or_default();
-            self.scanner(&mut made, profiles, (&plain, &name));
+            self.scanner(&mut made, profiles, &plain, &name);
             names.push(name);
         }
         if self.profiles.is_empty() {
@@ -250,7 +250,7 @@ impl SortedFiles {
         }
     }
 
-    fn scanner(&self, made: &mut NewProject, profiles: &Path, (plain, name): (&str, &str)) {
+    fn scanner(&self, made: &mut NewProject, profiles: &Path, plain: &str, name: &str) {
         let _ = write!(
             made.text,
             "\n[[scanner]]\nname = {}\nprofiles = {}\n",

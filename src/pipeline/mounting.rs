@@ -20,7 +20,7 @@ pub fn table(calibration: &Calibration, moved: &[MovedMounting], poses: &[PoseRe
         if let Some(moved) = moved.get(scanner) {
             let offsets = moved.offsets.samples().zip(moved.sigmas.samples());
             for ((time_s, offset), (_, sigma)) in offsets {
-                line(&mut text, (time_s, name), &bent(mean, offset), sigma);
+                line(&mut text, time_s, name, &bent(mean, offset), sigma);
             }
             continue;
         }
@@ -30,18 +30,13 @@ pub fn table(calibration: &Calibration, moved: &[MovedMounting], poses: &[PoseRe
             covariance.map_or(f64::NAN, |all| all[(place, place)].sqrt())
         });
         for pose in poses.first().into_iter().chain(poses.last()) {
-            line(&mut text, (pose.time_s, name), mean, &sigma);
+            line(&mut text, pose.time_s, name, mean, &sigma);
         }
     }
     text
 }
 
-fn line(
-    text: &mut String,
-    (time_s, name): (f64, &str),
-    mounting: &BodyFromScanner,
-    sigma: &[f64; 6],
-) {
+fn line(text: &mut String, time_s: f64, name: &str, mounting: &BodyFromScanner, sigma: &[f64; 6]) {
     let (t, q) = (mounting.translation_m, mounting.rotation.coords);
     let [rx, ry, rz, x, y, z] = sigma;
     // Writing to a string cannot fail.

@@ -78,7 +78,8 @@ pub fn samples(
         ));
         warn_of_missing(
             &scanner.name,
-            (sample.outside, sample.read),
+            sample.outside,
+            sample.read,
             &sample.excluded,
             progress,
         );
@@ -89,7 +90,8 @@ pub fn samples(
 /// Warns about points without a pose, or with a pose beyond the project's limits.
 pub fn warn_of_missing(
     scanner: &str,
-    (outside, read): (u64, u64),
+    outside: u64,
+    read: u64,
     excluded: &ExcludedPoints,
     progress: &dyn Progress,
 ) {

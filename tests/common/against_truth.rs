@@ -160,7 +160,8 @@ impl Check<'_> {
         &self,
         mountings: Vec<BodyFromScanner>,
         poses: &Trajectory,
-        (late_s, bending): (&[f64], &[MovedMounting]),
+        late_s: &[f64],
+        bending: &[MovedMounting],
         seconds: f64,
     ) -> Outcome {
         let (mut pose_sum, mut pose_count) = (0.0, 0.0);

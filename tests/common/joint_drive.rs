@@ -142,7 +142,8 @@ impl Run {
         let two_steps = check.outcome(
             start.clone(),
             poses.trajectory(),
-            (&[0.0; 2], &[]),
+            &[0.0; 2],
+            &[],
             two_seconds,
         );
         let late_s: Vec<f64> = joint
@@ -151,8 +152,13 @@ impl Run {
             .map(|l| l.map_or(0.0, |l| l.0))
             .collect();
         let adjusted = &joint.drives[0];
-        let moved = (late_s.as_slice(), adjusted.bending.as_slice());
-        let mut one_piece = check.outcome(joint.poses(), &adjusted.trajectory, moved, seconds);
+        let mut one_piece = check.outcome(
+            joint.poses(),
+            &adjusted.trajectory,
+            &late_s,
+            &adjusted.bending,
+            seconds,
+        );
         let points = check.point_errors(&joint, &late_s);
         let evaluation = setup.evaluate.then(|| {
             let other = &files.drives[setup.drives];
@@ -184,19 +190,24 @@ impl Run {
                 moving: true_mountings(&scenario, other)?,
                 reference: &[],
             };
-            let adjusted_bending = (&[0.0; 2][..], &adjusted.drives[0].bending[..]);
             let by_load = clouds::bending(&rig, poses.trajectory()).into_iter();
             let by_load = by_load.map(|offsets| MovedMounting {
                 sigmas: offsets.clone(),
                 offsets,
             });
             let by_load: Vec<MovedMounting> = by_load.collect();
-            let bending_by_load = (&[0.0; 2][..], &by_load[..]);
-            let trajectory = &adjusted.drives[0].trajectory;
+            let (own, late_s) = (poses.trajectory(), &[0.0; 2]);
+            let drive = &adjusted.drives[0];
             Ok::<_, Error>([
-                check.outcome(start, poses.trajectory(), (&[0.0; 2], &[]), 0.0),
-                check.outcome(joint.poses(), poses.trajectory(), bending_by_load, 0.0),
-                check.outcome(adjusted.poses(), trajectory, adjusted_bending, 0.0),
+                check.outcome(start, own, late_s, &[], 0.0),
+                check.outcome(joint.poses(), own, late_s, &by_load, 0.0),
+                check.outcome(
+                    adjusted.poses(),
+                    &drive.trajectory,
+                    late_s,
+                    &drive.bending,
+                    0.0,
+                ),
             ])
         });
         let evaluation = evaluation.transpose()?;

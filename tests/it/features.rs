@@ -139,7 +139,7 @@ fn write_surface(path: &Path, n: usize) {
         values[0] = (index % 32) as f64;
         Ok(true)
     };
-    format::cloud_to_las(&cloud, path, (&ring, None), &mut row, &Silent).unwrap();
+    format::cloud_to_las(&cloud, path, &ring, None, &mut row, &Silent).unwrap();
 }
 
 fn features(input: &Path, out: &Path, more: &[&str]) -> Run {

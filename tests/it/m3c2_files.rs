@@ -30,7 +30,7 @@ fn clouds(folder: &Path) -> [PathBuf; 2] {
             ..PointCloud::default()
         };
         let path = folder.join(name);
-        format::cloud_to_las(&cloud, &path, (&[], None), &mut |_, _| Ok(true), &Silent).unwrap();
+        format::cloud_to_las(&cloud, &path, &[], None, &mut |_, _| Ok(true), &Silent).unwrap();
         path
     };
     [

@@ -75,7 +75,7 @@ impl Request {
 }
 
 /// Responds with a body of this media type and this content security policy.
-pub fn respond(mut stream: &TcpStream, (kind, policy): (&str, &str), body: &[u8]) -> Result<()> {
+pub fn respond(mut stream: &TcpStream, kind: &str, policy: &str, body: &[u8]) -> Result<()> {
     let head = format!(
         "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nCache-Control: no-store\r\n\
          Content-Security-Policy: {policy}\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n",

@@ -190,9 +190,9 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
                 _ => None,
             };
             let Some(report) = report else {
-                return respond(stream, (HTML, LIVE_POLICY), LIVE_PAGE.as_bytes());
+                return respond(stream, HTML, LIVE_POLICY, LIVE_PAGE.as_bytes());
             };
-            respond(stream, (HTML, REPORT_POLICY), &report)?;
+            respond(stream, HTML, REPORT_POLICY, &report)?;
             shared.forget(&page);
             Ok(())
         }
@@ -208,7 +208,7 @@ fn serve(stream: &TcpStream, shared: &Shared) -> std::io::Result<()> {
         (_, Some(number)) => {
             let number = number.strip_suffix(".png").and_then(|n| n.parse().ok());
             match number.and_then(|number: usize| shared.view.picture(number)) {
-                Some(png) => respond(stream, ("image/png", LIVE_POLICY), &png),
+                Some(png) => respond(stream, "image/png", LIVE_POLICY, &png),
                 None => refuse(stream, "404 Not Found"),
             }
         }

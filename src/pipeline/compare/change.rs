@@ -25,8 +25,10 @@ pub const CLOUD: &str = "change.laz";
 /// A drive without points; as for [`super::compare`].
 pub fn change(
     tiles_of: [&[PathBuf]; 2],
-    (plot, [earlier, later]): (&str, [&str; 2]),
-    (settings, memory_bytes): (&ComparisonSettings, Option<u64>),
+    plot: &str,
+    [earlier, later]: [&str; 2],
+    settings: &ComparisonSettings,
+    memory_bytes: Option<u64>,
     folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Statistics> {

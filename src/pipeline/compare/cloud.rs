@@ -30,5 +30,5 @@ pub(super) fn write(
         }
         Ok(true)
     };
-    format::cloud_to_las(&cloud, path, (&dimensions, wkt), &mut row, progress).map(drop)
+    format::cloud_to_las(&cloud, path, &dimensions, wkt, &mut row, progress).map(drop)
 }

@@ -117,7 +117,8 @@ pub fn record(project: &Path, into: &Path) {
         scanner(
             &drive.join(format!("{name}.bin")),
             into,
-            (name, number),
+            name,
+            number,
             since,
         );
     }
@@ -137,7 +138,7 @@ pub fn record(project: &Path, into: &Path) {
 }
 
 /// Writes the profiles of a `.bin` file as a scanner log, with a clock that began at another time and is slow.
-fn scanner(bin: &Path, into: &Path, (name, number): (&str, usize), since: impl Fn(f64) -> f64) {
+fn scanner(bin: &Path, into: &Path, name: &str, number: usize, since: impl Fn(f64) -> f64) {
     let settings = ScannerSettings {
         serial_number: 24_001 + number as u32,
         scales: Scales {

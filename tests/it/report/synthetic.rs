@@ -119,7 +119,8 @@ fn near(truth: &[BodyFromScanner], mm: f64, deg: f64) -> Vec<Mounting> {
 fn calibration(
     method: Method,
     mountings: Vec<Mounting>,
-    (sigma_m, sigma_deg): (f64, f64),
+    sigma_m: f64,
+    sigma_deg: f64,
     (first, later): (usize, usize),
 ) -> Calibration {
     let scales = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005];
@@ -332,16 +333,16 @@ pub fn full(n: usize) -> Full {
         mounting([1.2, -0.5, 0.5], [-145.0, 0.0, 90.0]),
         mounting([1.2, 0.65, 0.5], [145.0, 0.0, 90.0]),
     ];
-    let ours = |mm, deg, sigmas| {
+    let ours = |mm, deg, sigma_m, sigma_deg| {
         let mountings = near(&truth, mm, deg);
-        calibration(Method::TwoStep, mountings, sigmas, (7, 2))
+        calibration(Method::TwoStep, mountings, sigma_m, sigma_deg, (7, 2))
     };
-    let mut result = ours(1.2, 0.03, (0.9e-3, 0.012));
+    let mut result = ours(1.2, 0.03, 0.9e-3, 0.012);
     result.constancy = Some(constancy());
-    let mut exact = ours(0.06, 0.002, (0.05e-3, 0.0015));
+    let mut exact = ours(0.06, 0.002, 0.05e-3, 0.0015);
     exact.mountings[0].fixed[5] = true;
-    let without = without_height(ours(2.6, 0.07, (2.1e-3, 0.06)), &initial);
-    let paper = calibration(Method::Paper, near(&truth, 4.0, 0.2), (1.0, 1.0), (50, 31));
+    let without = without_height(ours(2.6, 0.07, 2.1e-3, 0.06), &initial);
+    let paper = calibration(Method::Paper, near(&truth, 4.0, 0.2), 1.0, 1.0, (50, 31));
     let stages = [
         ("reference", 1.2),
         ("trajectory", 0.9),

@@ -69,7 +69,8 @@ pub fn levenberg_marquardt<P: LeastSquares>(
     problem: &mut P,
     state: &mut P::State,
     rule: DampingRule,
-    (most_iterations, converged_sigmas): (usize, f64),
+    most_iterations: usize,
+    converged_sigmas: f64,
     progress: &dyn Progress,
 ) -> Result<Ended> {
     let cost_initial = problem.cost(state);

@@ -142,8 +142,14 @@ pub trait ChainProblem: Sync {
             factor,
             step,
         };
-        let until = (most_iterations, CONVERGED_SIGMAS);
-        levenberg_marquardt(&mut problem, state, DAMPING, until, progress)
+        levenberg_marquardt(
+            &mut problem,
+            state,
+            DAMPING,
+            most_iterations,
+            CONVERGED_SIGMAS,
+            progress,
+        )
     }
 }
 

@@ -84,9 +84,11 @@ pub struct Sorted {
 /// # Errors
 /// Those of [`adjust`](super::adjust).
 pub fn at_rung(
-    (input, settings): (&JointInput<'_>, &JointSettings),
+    input: &JointInput<'_>,
+    settings: &JointSettings,
     surfel_m: f64,
-    (rung, may_climb): (Rung, bool),
+    rung: Rung,
+    may_climb: bool,
     sorted: &mut Option<Sorted>,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
@@ -94,7 +96,8 @@ pub fn at_rung(
     state.bends = Bends::new(
         rung,
         &state.motions,
-        (&input.mountings, input.compliance),
+        &input.mountings,
+        input.compliance,
         &input.frames(),
     );
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
@@ -118,13 +121,22 @@ pub fn at_rung(
                 patch_m: PATCH_SIZES * size_m,
                 keyframe_steps: keyframe_steps.clone(),
             };
-            let (poses, late_s) = (state.poses(), &state.late_s);
-            let mounted = (poses.as_slice(), state.bends.as_ref());
+            let (poses, bends, late_s) = (state.poses(), state.bends.as_ref(), &state.late_s);
             let is_first = repeat == 1;
             let before =
                 sorted.take_if(|before| is_first && before.keyframe_steps == keyframe_steps);
             let association = before.map_or_else(
-                || associate(&scans, &state.motions, mounted, late_s, &reference, &gates),
+                || {
+                    associate(
+                        &scans,
+                        &state.motions,
+                        &poses,
+                        bends,
+                        late_s,
+                        &reference,
+                        &gates,
+                    )
+                },
                 |before| before.association,
             );
             if is_first && may_climb {
@@ -136,8 +148,15 @@ pub fn at_rung(
             check_overlap(input, &association)?;
             state.shapes = vec![Vec3::zeros(); association.surfels.len()];
             state.patches = vec![0.0; association.patches];
-            let begin = (&state, held.clone(), surface_m);
-            let problem = JointProblem::new(input, settings, association, groups.clone(), begin);
+            let problem = JointProblem::new(
+                input,
+                settings,
+                association,
+                groups.clone(),
+                &state,
+                held.clone(),
+                surface_m,
+            );
             if problem.factor_entries() <= MAX_FACTOR_ENTRIES {
                 break problem;
             }
@@ -166,7 +185,7 @@ pub fn at_rung(
         if may_climb && !again {
             let components = components_at(&mut problem, &state)?;
             progress.advance(1);
-            let mut reasons = imu_contradictions(&problem, &state, (&components, EVIDENT_TO_IMU));
+            let mut reasons = imu_contradictions(&problem, &state, &components, EVIDENT_TO_IMU);
             if round == Round::Fine {
                 reasons.extend(scan_contradictions(&problem, &state, EVIDENT_TO_SCANS));
             }
@@ -194,14 +213,20 @@ pub fn at_rung(
             let components = components_at(&mut problem, &state)?;
             progress.advance(1);
             if may_climb {
-                let mut reasons = imu_contradictions(&problem, &state, (&components, 1.0));
+                let mut reasons = imu_contradictions(&problem, &state, &components, 1.0);
                 reasons.extend(scan_contradictions(&problem, &state, 1.0));
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let ended = (stop, steps.iterations);
-            let joint = conclude(&problem, &state, &components, ended, size_m)?;
+            let joint = conclude(
+                &problem,
+                &state,
+                &components,
+                stop,
+                steps.iterations,
+                size_m,
+            )?;
             return Ok(Outcome::Found(Box::new(joint)));
         }
         (groups, held) = (problem.groups, problem.held);
@@ -281,7 +306,7 @@ impl Steps<'_> {
         sigmas: f64,
     ) -> Result<StopReason> {
         let most = self.max_iterations.saturating_sub(self.iterations).max(1);
-        let ended = levenberg_marquardt(problem, state, DAMPING, (most, sigmas), self.progress)?;
+        let ended = levenberg_marquardt(problem, state, DAMPING, most, sigmas, self.progress)?;
         self.iterations += ended.iterations;
         Ok(ended.stop)
     }

@@ -193,7 +193,8 @@ impl Bends {
     pub fn new(
         rung: Rung,
         motions: &[Box<dyn Motion>],
-        (mountings, known): (&[Mounting], &[Compliance]),
+        mountings: &[Mounting],
+        known: &[Compliance],
         frames: &[Option<&FrameLog>],
     ) -> Option<Self> {
         if rung == Rung::Rigid {

@@ -28,7 +28,8 @@ pub fn conclude(
     problem: &JointProblem<'_>,
     state: &State,
     components: &[Component],
-    (stop, iterations): (StopReason, usize),
+    stop: StopReason,
+    iterations: usize,
     surfel_m: f64,
 ) -> Result<Joint> {
     let factor = problem.factor().ok_or_else(not_determined)?;

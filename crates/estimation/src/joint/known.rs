@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::problem::JointProblem;
 use super::result::KnownPoint;
 use super::row::RowBatch;
-use super::scan::{self, StepScans};
+use super::scan::StepScans;
 use super::state::State;
 use crate::geometry::Vec3;
 
@@ -48,6 +48,7 @@ pub fn known_points(
                 let point = &context.rows.points_of(row)[..1];
                 let poses = motion.poses(step);
                 let scans = StepScans::new(&context, &poses, std::slice::from_ref(row));
+                let blocks = blocks.of_step(motion, step);
                 let mut variance = Vec3::zeros();
                 let mut time_s = 0.0;
                 for axis in 0..3 {
@@ -56,8 +57,7 @@ pub fn known_points(
                     time_s = mean.time_s;
                     let mut batch = RowBatch::default();
                     batch.begin(0, 1.0, 0.0);
-                    let what = (scanner, &mean, 1.0);
-                    scan::place((&scans, motion), step, &blocks, what, &mut batch);
+                    scans.place(scanner, &mean, 1.0, &blocks, &mut batch);
                     variance[axis] = variance_of(&batch, sizes, block)?;
                 }
                 Some(KnownPoint {

@@ -36,8 +36,15 @@ pub fn adjust(
     let most = highest(input, settings).max(least);
     let mut sorted = None;
     let mut at = |rung: Rung, may_climb: bool| {
-        let input = (input, settings);
-        at_rung(input, surfel_m, (rung, may_climb), &mut sorted, progress)
+        at_rung(
+            input,
+            settings,
+            surfel_m,
+            rung,
+            may_climb,
+            &mut sorted,
+            progress,
+        )
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
     let mut joint = loop {

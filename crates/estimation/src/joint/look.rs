@@ -65,7 +65,7 @@ impl JointProblem<'_> {
     /// scanner is then much noisier than the roughness of the surface.
     pub fn raise_noise(&mut self, state: &State) {
         let residuals = self.each_mean(state, |drive, row, mean| {
-            let (group, sigma_m) = self.noise((state, drive), row);
+            let (group, sigma_m) = self.noise(state, drive, row);
             (group, (mean.residual_m / sigma_m).abs())
         });
         let mut by_group = vec![Vec::new(); self.groups.names.len()];
@@ -84,7 +84,7 @@ impl JointProblem<'_> {
     /// Computes the trust in each scan row from its residual at a state and from those of its surfel.
     pub fn find_trust(&mut self, state: &State) {
         let residuals = self.each_mean(state, |drive, row, mean| {
-            mean.residual_m / self.noise((state, drive), row).1
+            mean.residual_m / self.noise(state, drive, row).1
         });
         // Sums of squares and degrees of freedom.
         let surfels = self.association.surfels.iter().zip(&state.shapes);
@@ -115,7 +115,7 @@ impl JointProblem<'_> {
     pub fn fit_shapes(&self, state: &mut State) {
         let now: &State = state;
         let observations = self.each_mean(now, |drive, row, mean| {
-            let (_, sigma_m) = self.noise((now, drive), row);
+            let (_, sigma_m) = self.noise(now, drive, row);
             let by = Vec3::from(mean.by_shape) / sigma_m;
             (row.surfel, by, mean.residual_m / sigma_m)
         });

@@ -63,9 +63,11 @@ pub fn scan_contradiction(of_drive: &str, rung: Rung, motion_left: f64) -> Strin
 /// The contradiction between the IMU of a drive and the mountings of a rung, in words, given the name of its group,
 /// Ω/r, and r.
 pub fn imu_contradiction(
-    (group, of_drive): (&str, &str),
+    group: &str,
+    of_drive: &str,
     rung: Rung,
-    (ratio, redundancy): (f64, f64),
+    ratio: f64,
+    redundancy: f64,
 ) -> String {
     let (who, contradict, whose) = if group.ends_with(IMU) {
         ("the IMU", "contradicts", "its")
@@ -86,15 +88,15 @@ pub fn imu_contradiction(
 pub fn imu_contradictions(
     problem: &JointProblem<'_>,
     state: &State,
-    (components, times): (&[Component], f64),
+    components: &[Component],
+    times: f64,
 ) -> Vec<String> {
     let texts = with_imu(problem).filter_map(|(drive, of_drive)| {
         let group = problem.groups.first_motion[drive];
         let (imu, name) = (&components[group], problem.groups.names[group].as_str());
         let ratio = imu.ratio()?;
         let is_against = ratio > times * max_imu_ratio(imu.redundancy);
-        is_against
-            .then(|| imu_contradiction((name, &of_drive), state.rung(), (ratio, imu.redundancy)))
+        is_against.then(|| imu_contradiction(name, &of_drive, state.rung(), ratio, imu.redundancy))
     });
     texts.collect()
 }
@@ -141,8 +143,10 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
             && let Some(ratio) = imu.ratio
             && ratio > max_imu_ratio(imu.redundancy)
         {
-            let who = (drive.imu.as_str(), of_drive.as_str());
-            texts.push(imu_contradiction(who, joint.rung, (ratio, imu.redundancy)));
+            let (rung, redundancy) = (joint.rung, imu.redundancy);
+            texts.push(imu_contradiction(
+                &drive.imu, &of_drive, rung, ratio, redundancy,
+            ));
         }
         if drive.imu.ends_with(IMU) && drive.motion_left > MAX_MOTION_LEFT {
             texts.push(scan_contradiction(&of_drive, joint.rung, drive.motion_left));

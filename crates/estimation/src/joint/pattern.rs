@@ -35,7 +35,7 @@ struct Block {
 /// over all blocks, because a displaced board is in only a few of them; 0 if there are too few blocks.
 pub fn motion_left(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
     let rows = problem.each_mean(state, |drive, row, mean| {
-        let sigma_m = problem.noise((state, drive), row).1;
+        let sigma_m = problem.noise(state, drive, row).1;
         let residual = (mean.residual_m / sigma_m).clamp(-MOST_SIGMAS, MOST_SIGMAS);
         let by = Six::from_row_slice(&mean.by_mounting) / sigma_m;
         let block = (mean.time_s / BLOCK_S).floor() as i64;

@@ -61,7 +61,9 @@ impl<'a> JointProblem<'a> {
         settings: &'a JointSettings,
         association: Association,
         groups: Groups,
-        (state, held, surface_m): (&State, Vec<DVector<f64>>, f64),
+        state: &State,
+        held: Vec<DVector<f64>>,
+        surface_m: f64,
     ) -> Self {
         let has_prior = association
             .surfels
@@ -147,7 +149,7 @@ impl<'a> JointProblem<'a> {
     /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² + q with
     /// the variance v of its surfel's points, n effective points, and the variance q that the knots of a moving
     /// mounting leave out.
-    pub fn noise(&self, (state, drive): (&State, usize), row: &ScanRow) -> (usize, f64) {
+    pub fn noise(&self, state: &State, drive: usize, row: &ScanRow) -> (usize, f64) {
         let surfel = &self.association.surfels[row.surfel as usize];
         let group = self.groups.first_scan
             + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
@@ -235,7 +237,7 @@ impl<'a> JointProblem<'a> {
                         for &step in steps {
                             motion.rows(step, &places, &mut batch);
                             if step < motion.steps() {
-                                let noise = |row: &ScanRow| self.noise((state, drive), row);
+                                let noise = |row: &ScanRow| self.noise(state, drive, row);
                                 scan::rows(&context, motion, step, &blocks, &noise, &mut batch);
                             }
                         }

@@ -290,6 +290,41 @@ impl<'a> StepScans<'a> {
         };
         (sum / count, all_arms / count, along)
     }
+
+    /// Adds the derivatives of a mean of a scanner, times `w`, by all unknowns that place points: the motion and the
+    /// mounting.
+    pub fn place(
+        &self,
+        scanner: usize,
+        mean: &Mean,
+        w: f64,
+        blocks: &StepBlocks<'_>,
+        batch: &mut RowBatch,
+    ) {
+        let (width, drive) = (self.poses.width, blocks.drive);
+        let by = mean.by_nodes.map(|x| x * w);
+        batch.touch(blocks.nodes[0], &by[..width]);
+        batch.touch(blocks.nodes[1], &by[width..2 * width]);
+        if let Some(bridge) = blocks.bridge {
+            batch.touch(bridge, &by[AT_BRIDGE..]);
+        }
+        if let Some(late) = drive.late[scanner] {
+            batch.touch(late, &[mean.by_late * w]);
+        }
+        let by_mounting = mean.by_mounting.map(|x| x * w);
+        if let Some(&compliance) = drive.compliance.get(scanner) {
+            let by = mean.by_compliance.map(|x| x * w);
+            batch.touch(compliance, &by[..drive.bending]);
+        }
+        if let (Some(first), Some(between)) = (drive.knots.get(scanner), self.between.get(scanner))
+        {
+            let next = mean.by_next_knot.map(|x| x * w);
+            let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
+            batch.touch(first + between.knot, &before);
+            batch.touch(first + between.knot + 1, &next);
+        }
+        batch.touch(drive.mountings[scanner], &by_mounting);
+    }
 }
 
 /// The blocks of a drive's scan factors.
@@ -309,6 +344,27 @@ pub struct ScanBlocks {
     pub bending: usize,
 }
 
+impl ScanBlocks {
+    /// The blocks with those of a step of the motion.
+    pub fn of_step(&self, motion: &dyn Motion, step: usize) -> StepBlocks<'_> {
+        let place = |block: usize| self.first_motion + block;
+        StepBlocks {
+            drive: self,
+            nodes: motion.pose_blocks(step).map(place),
+            bridge: motion.bridge_block(step).map(place),
+        }
+    }
+}
+
+/// The blocks of the scan factors in a step.
+pub struct StepBlocks<'a> {
+    drive: &'a ScanBlocks,
+    /// The blocks of the two nodes of the step.
+    nodes: [usize; 2],
+    /// The block of its bridge, if it has one.
+    bridge: Option<usize>,
+}
+
 /// Adds the rows of a step; `sigma_m` and the group of a row come from `noise`.
 pub fn rows(
     context: &ScanContext<'_>,
@@ -324,6 +380,7 @@ pub fn rows(
     }
     let poses = motion.poses(step);
     let scans = StepScans::new(context, &poses, rows);
+    let of_step = blocks.of_step(motion, step);
     for row in rows {
         let mean = scans.mean(row, context.rows.points_of(row), row.depth_m);
         let (group, sigma_m) = noise(row);
@@ -333,39 +390,6 @@ pub fn rows(
             blocks.first_surfel + row.surfel as usize,
             &mean.by_shape.map(|x| x * w),
         );
-        let what = (row.scanner as usize, &mean, w);
-        place((&scans, motion), step, blocks, what, batch);
+        scans.place(row.scanner as usize, &mean, w, &of_step, batch);
     }
-}
-
-/// Adds the derivatives of a mean, times `w`, by all unknowns that place points: the motion and the mounting.
-pub fn place(
-    (scans, motion): (&StepScans<'_>, &dyn Motion),
-    step: usize,
-    blocks: &ScanBlocks,
-    (scanner, mean, w): (usize, &Mean, f64),
-    batch: &mut RowBatch,
-) {
-    let (nodes, width) = (motion.pose_blocks(step), scans.poses.width);
-    let by = mean.by_nodes.map(|x| x * w);
-    batch.touch(blocks.first_motion + nodes[0], &by[..width]);
-    batch.touch(blocks.first_motion + nodes[1], &by[width..2 * width]);
-    if let Some(bridge) = motion.bridge_block(step) {
-        batch.touch(blocks.first_motion + bridge, &by[AT_BRIDGE..]);
-    }
-    if let Some(late) = blocks.late[scanner] {
-        batch.touch(late, &[mean.by_late * w]);
-    }
-    let by_mounting = mean.by_mounting.map(|x| x * w);
-    if let Some(&compliance) = blocks.compliance.get(scanner) {
-        let by = mean.by_compliance.map(|x| x * w);
-        batch.touch(compliance, &by[..blocks.bending]);
-    }
-    if let (Some(first), Some(between)) = (blocks.knots.get(scanner), scans.between.get(scanner)) {
-        let next = mean.by_next_knot.map(|x| x * w);
-        let before: [f64; 6] = std::array::from_fn(|i| by_mounting[i] - next[i]);
-        batch.touch(first + between.knot, &before);
-        batch.touch(first + between.knot + 1, &next);
-    }
-    batch.touch(blocks.mountings[scanner], &by_mounting);
 }

@@ -74,7 +74,7 @@ pub fn adjust(
     let mut layouts = 0;
     let mut before: Option<Adjusted> = None;
     loop {
-        let mut adjusted = adjust_once(begin, logs, settings, (&corrections, &carried), progress)?;
+        let mut adjusted = adjust_once(begin, logs, settings, &corrections, &carried, progress)?;
         layouts += 1;
         // The correction of a jump is kept only if the records fit better with it.
         if let Some(before) = before.take_if(|before| before.cost() <= adjusted.cost()) {
@@ -160,7 +160,8 @@ pub fn adjust_once(
     begin: &Start<'_>,
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    (corrections, carried): (&[ClockCorrection], &Carried),
+    corrections: &[ClockCorrection],
+    carried: &Carried,
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
     let streams = Streams::new(logs, settings, corrections)?;

@@ -110,8 +110,8 @@ impl Adjusted {
             recovery.step(*step, |pose| {
                 records.push(pose.with_sigma(&covariance.unknowns))
             });
-            let covariances = (covariance, border);
-            examine(&self.graph, &self.state, *step, covariances, &mut findings);
+            let (graph, state) = (&self.graph, &self.state);
+            examine(graph, state, *step, covariance, border, &mut findings);
         }
         (records, findings)
     }

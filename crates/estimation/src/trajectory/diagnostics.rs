@@ -76,7 +76,8 @@ impl Findings {
     fn record(
         &mut self,
         place: usize,
-        (record, time_s): (usize, f64),
+        record: usize,
+        time_s: f64,
         values: Vec<f64>,
         rows: &Rows<'_>,
         redundancies: &[f64],
@@ -118,7 +119,8 @@ pub fn examine(
     graph: &Graph,
     state: &State,
     step: usize,
-    (unknowns, border): (&StepCovariance, &DMatrix<f64>),
+    unknowns: &StepCovariance,
+    border: &DMatrix<f64>,
     findings: &mut Findings,
 ) {
     let places = Places {
@@ -134,8 +136,14 @@ pub fn examine(
             Source::Position(fix) => {
                 let values = fix.residual(&graph.sensors[fix.sensor], constants, node, bias);
                 let values = values.iter().copied().collect();
-                let record = (fix.record, fix.time_s);
-                findings.record(fix.sensor, record, values, &rows, &redundancies);
+                findings.record(
+                    fix.sensor,
+                    fix.record,
+                    fix.time_s,
+                    values,
+                    &rows,
+                    &redundancies,
+                );
             }
             Source::Heading(fix) => {
                 let values = vec![fix.residual(constants, node, bias)];
@@ -143,8 +151,7 @@ pub fn examine(
                     Quantity::Heading => places.heading(),
                     Quantity::Pitch(_) => places.pitch(),
                 };
-                let record = (fix.record, fix.time_s);
-                findings.record(place, record, values, &rows, &redundancies);
+                findings.record(place, fix.record, fix.time_s, values, &rows, &redundancies);
             }
             Source::Rest => {
                 let values = node.velocity_m_s.as_slice();

@@ -67,8 +67,8 @@ fn adjusted() -> Adjusted {
         positions: &[prism],
         heading: &headings,
     };
-    let nothing = (&[][..], &Carried::default());
-    adjust_once(&initial, &logs, &settings, nothing, &Silent).expect("a trajectory")
+    let nothing = Carried::default();
+    adjust_once(&initial, &logs, &settings, &[], &nothing, &Silent).expect("a trajectory")
 }
 
 /// A point of a scanner at a pose between two nodes, as its height above a patch of the surface.

@@ -116,8 +116,7 @@ impl CloudSource {
         let write = || match self {
             Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
             Self::Memory { cloud, wkt } => {
-                let dimensions_and_crs = (dimensions, wkt.clone());
-                format::cloud_to_las(cloud, output, dimensions_and_crs, row, progress)
+                format::cloud_to_las(cloud, output, dimensions, wkt.clone(), row, progress)
             }
         };
         stage(progress, "writing the cloud", self.len(), write).map(|(_, seconds)| seconds)

@@ -90,14 +90,16 @@ pub fn record(
             let (view, stop) = (&live_view, &stop);
             scope.spawn(move || live::follow(field, folder, clock, stop, view));
         }
-        let watched = watch(
-            (field, folder),
-            has_project.then_some(&live_view),
-            (clock, &mut clock_log, &events),
-            &status,
-            &stop,
-            &mut goes_on,
-        );
+        let watch = Watch {
+            field,
+            folder,
+            clock,
+            events: &events,
+            status: &status,
+            live: has_project.then_some(&live_view),
+            stop: &stop,
+        };
+        let watched = watch.run(&mut clock_log, &mut goes_on);
         stop.store(true, Ordering::Relaxed);
         let mut ended = watched;
         for thread in threads {
@@ -119,92 +121,117 @@ pub fn record(
     })
 }
 
-/// Checks clock, disk and sources once a second.
-fn watch(
-    (field, folder): (&Field, &Path),
-    live: Option<&Mutex<LiveView>>,
-    (clock, clock_log, events): (&Clock, &mut Journal<'_>, &Events<'_>),
-    status: &[Status],
-    stop: &AtomicBool,
-    goes_on: &mut dyn FnMut(&View) -> bool,
-) -> Result<()> {
-    let mut steps = StepWatch::default();
-    let mut was_silent = vec![false; status.len()];
-    let mut has_sent = vec![false; status.len()];
-    let (mut was_locked, mut was_short) = (None, false);
-    let mut disk = DiskWatch::new(folder);
-    while !stop.load(Ordering::Relaxed) {
-        let begun = Instant::now();
-        let now = clock.now();
-        let set_s = steps.check(now);
-        let state = clock.state();
-        let (time_s, monotonic_s) = (now.unix_s(), now.monotonic_s());
-        let clock_cells = state.as_ref().map_or(",,,".to_owned(), |state| {
-            let locked = u8::from(state.is_locked);
-            let reference = state.reference.replace(',', " ");
-            format!(
-                "{reference},{:.9},{:.9},{locked}",
-                state.offset_s, state.rms_s
-            )
-        });
-        let set = set_s.map_or(String::new(), |set_s| format!("{set_s:.6}"));
-        clock_log
-            .append(format!("{time_s:.6},{monotonic_s:.6},{clock_cells},{set}\n").as_bytes())?;
-        if let Some(set_s) = set_s {
-            events.add(clock, "clock", &format!("set by {set_s:+.3} s"))?;
-        }
-        let is_locked = state.as_ref().map(|state| state.is_locked);
-        if was_locked == Some(true) && is_locked != Some(true) {
-            events.add(clock, "clock", "has lost its reference")?;
-        }
-        was_locked = is_locked;
-        let sources: Vec<(String, SourceState)> = (field.sources.iter().zip(status))
-            .map(|(source, status)| (source.name.clone(), status.source_state(now)))
-            .collect();
-        let states = was_silent.iter_mut().zip(&mut has_sent);
-        for ((name, source), (was_silent, has_sent)) in sources.iter().zip(states) {
-            if source.is_silent != *was_silent && source.records > 0 {
-                let event = match (source.is_silent, *has_sent) {
-                    (true, _) => "silent",
-                    (false, true) => "sends again",
-                    (false, false) => "sends",
-                };
-                events.add(clock, name, event)?;
-                *has_sent = true;
+/// The watch over a recording.
+struct Watch<'a> {
+    field: &'a Field,
+    /// Folder of the recording.
+    folder: &'a Path,
+    /// The clocks.
+    clock: &'a Clock,
+    /// The log of events.
+    events: &'a Events<'a>,
+    /// The states of the sources.
+    status: &'a [Status],
+    /// The platform's pose, if it is followed.
+    live: Option<&'a Mutex<LiveView>>,
+    /// Set when the recording ends.
+    stop: &'a AtomicBool,
+}
+
+impl Watch<'_> {
+    /// Checks clock, disk and sources once a second until `goes_on` returns false.
+    fn run(
+        &self,
+        clock_log: &mut Journal<'_>,
+        goes_on: &mut dyn FnMut(&View) -> bool,
+    ) -> Result<()> {
+        let &Self {
+            field,
+            folder,
+            clock,
+            events,
+            status,
+            live,
+            stop,
+        } = self;
+        let mut steps = StepWatch::default();
+        let mut was_silent = vec![false; status.len()];
+        let mut has_sent = vec![false; status.len()];
+        let (mut was_locked, mut was_short) = (None, false);
+        let mut disk = DiskWatch::new(folder);
+        while !stop.load(Ordering::Relaxed) {
+            let begun = Instant::now();
+            let now = clock.now();
+            let set_s = steps.check(now);
+            let state = clock.state();
+            let (time_s, monotonic_s) = (now.unix_s(), now.monotonic_s());
+            let clock_cells = state.as_ref().map_or(",,,".to_owned(), |state| {
+                let locked = u8::from(state.is_locked);
+                let reference = state.reference.replace(',', " ");
+                format!(
+                    "{reference},{:.9},{:.9},{locked}",
+                    state.offset_s, state.rms_s
+                )
+            });
+            let set = set_s.map_or(String::new(), |set_s| format!("{set_s:.6}"));
+            clock_log
+                .append(format!("{time_s:.6},{monotonic_s:.6},{clock_cells},{set}\n").as_bytes())?;
+            if let Some(set_s) = set_s {
+                events.add(clock, "clock", &format!("set by {set_s:+.3} s"))?;
             }
-            *was_silent = source.is_silent;
-        }
-        let bytes: u64 = sources.iter().map(|(_, source)| source.bytes).sum();
-        let room = disk.room(bytes as f64 / monotonic_s.max(1.0));
-        if let Some(room) = room
-            && room.is_short() != was_short
-        {
-            was_short = room.is_short();
-            let event = if was_short {
-                "nearly full"
-            } else {
-                "has room again"
+            let is_locked = state.as_ref().map(|state| state.is_locked);
+            if was_locked == Some(true) && is_locked != Some(true) {
+                events.add(clock, "clock", "has lost its reference")?;
+            }
+            was_locked = is_locked;
+            let sources: Vec<(String, SourceState)> = (field.sources.iter().zip(status))
+                .map(|(source, status)| (source.name.clone(), status.source_state(now)))
+                .collect();
+            let states = was_silent.iter_mut().zip(&mut has_sent);
+            for ((name, source), (was_silent, has_sent)) in sources.iter().zip(states) {
+                if source.is_silent != *was_silent && source.records > 0 {
+                    let event = match (source.is_silent, *has_sent) {
+                        (true, _) => "silent",
+                        (false, true) => "sends again",
+                        (false, false) => "sends",
+                    };
+                    events.add(clock, name, event)?;
+                    *has_sent = true;
+                }
+                *was_silent = source.is_silent;
+            }
+            let bytes: u64 = sources.iter().map(|(_, source)| source.bytes).sum();
+            let room = disk.room(bytes as f64 / monotonic_s.max(1.0));
+            if let Some(room) = room
+                && room.is_short() != was_short
+            {
+                was_short = room.is_short();
+                let event = if was_short {
+                    "nearly full"
+                } else {
+                    "has room again"
+                };
+                let text = format!("{event}: {:.2} GB free", 1e-9 * room.free);
+                events.add(clock, "disk", &text)?;
+            }
+            let view = View {
+                time_s: monotonic_s,
+                common_s: clock.common_s(&now),
+                sources,
+                clock: state,
+                set_s,
+                room,
+                live: live.map(|live| live.lock().unwrap_or_else(PoisonError::into_inner).clone()),
             };
-            let text = format!("{event}: {:.2} GB free", 1e-9 * room.free);
-            events.add(clock, "disk", &text)?;
+            if !goes_on(&view) {
+                break;
+            }
+            while begun.elapsed() < CHECK && !stop.load(Ordering::Relaxed) {
+                std::thread::sleep(Duration::from_millis(20));
+            }
         }
-        let view = View {
-            time_s: monotonic_s,
-            common_s: clock.common_s(&now),
-            sources,
-            clock: state,
-            set_s,
-            room,
-            live: live.map(|live| live.lock().unwrap_or_else(PoisonError::into_inner).clone()),
-        };
-        if !goes_on(&view) {
-            break;
-        }
-        while begun.elapsed() < CHECK && !stop.load(Ordering::Relaxed) {
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        Ok(())
     }
-    Ok(())
 }
 
 /// Creates the folder, with a copy of `field.toml` and the project.

@@ -68,7 +68,7 @@ fn of_scanner(
         for kind in &KINDS {
             charts.push_str(&format!(
                 "<div>{}</div>",
-                chart((kind, against), drive, moved, compliance)
+                chart(kind, against, drive, moved, compliance)
             ));
         }
     }
@@ -109,15 +109,16 @@ enum Against {
 }
 
 fn chart(
-    (kind, against): (&Kind, Against),
+    kind: &Kind,
+    against: Against,
     drive: &AdjustedDrive,
     moved: &MovedMounting,
     compliance: Option<&Compliance>,
 ) -> String {
     match against {
         Against::Time => over_time(kind, moved),
-        Against::Roll => by_tilt((kind, "roll (°)", 1), drive, moved, compliance),
-        Against::Pitch => by_tilt((kind, "pitch (°)", 0), drive, moved, compliance),
+        Against::Roll => by_tilt(kind, "roll (°)", 1, drive, moved, compliance),
+        Against::Pitch => by_tilt(kind, "pitch (°)", 0, drive, moved, compliance),
     }
 }
 
@@ -164,7 +165,9 @@ fn tilt_deg(up: &Vec3, load: usize) -> f64 {
 }
 
 fn by_tilt(
-    (kind, label, load): (&Kind, &str, usize),
+    kind: &Kind,
+    label: &str,
+    load: usize,
     drive: &AdjustedDrive,
     moved: &MovedMounting,
     compliance: Option<&Compliance>,

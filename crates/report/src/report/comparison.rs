@@ -20,7 +20,8 @@ pub fn section(comparison: &Comparison) -> String {
     let limit_m = limit_m(agreement);
     let mut cells = cell(
         "distances",
-        ("colours to ±", limit_m),
+        "colours to ±",
+        limit_m,
         top_view("distances", agreement, bounds, limit_m) + &histogram(agreement, limit_m),
     );
     let levels_m: Vec<f64> = agreement.distances.levels_of_detection_m().collect();
@@ -31,7 +32,7 @@ pub fn section(comparison: &Comparison) -> String {
         let places = core(agreement).map(|(place, _)| place);
         let points: Vec<([f64; 2], f64)> = places.zip(levels_m).collect();
         let map = map_of("Map of the levels of detection", &points, bounds, most_m);
-        cells.push_str(&cell("level of detection", ("darkest at", most_m), map));
+        cells.push_str(&cell("level of detection", "darkest at", most_m, map));
     }
     format!(
         "{}<figure>\n<div class=\"panels\">{cells}</div>\n</figure>\n<p class=\"note\">Seen from above. A distance \
@@ -43,7 +44,7 @@ pub fn section(comparison: &Comparison) -> String {
     )
 }
 
-fn cell(name: &str, (sign, limit_m): (&str, f64), figures: String) -> String {
+fn cell(name: &str, sign: &str, limit_m: f64, figures: String) -> String {
     let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
     format!("<div><h4>{name} <small>{sign} {limit}</small></h4>\n{figures}</div>\n")
 }

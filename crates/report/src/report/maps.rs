@@ -58,12 +58,12 @@ fn map(drive: &str, agreements: &[Agreement]) -> String {
         let name = mounting_name(panel.mounting, is_joint);
         let magnified = is_joint && i >= first && own_m <= 0.5 * whole_m;
         let limit_m = if magnified { own_m } else { whole_m };
-        cells.push_str(&cell(name, panel, bounds, (limit_m, magnified)));
+        cells.push_str(&cell(name, panel, bounds, limit_m, magnified));
     }
     let last_m = limit_m(last);
     if !is_joint && panels.len() > 1 && last_m <= 0.5 * whole_m {
         let name = mounting_name(last.mounting, is_joint);
-        cells.push_str(&cell(name, last, bounds, (last_m, true)));
+        cells.push_str(&cell(name, last, bounds, last_m, true));
     }
     format!(
         "<figure>\n<h3>{}, {}</h3>\n<div class=\"panels\">{cells}</div>\n</figure>\n",
@@ -107,7 +107,8 @@ fn cell(
     name: &str,
     agreement: &Agreement,
     bounds: Bounds,
-    (limit_m, magnified): (f64, bool),
+    limit_m: f64,
+    magnified: bool,
 ) -> String {
     let statistics = &agreement.statistics;
     let summary = format!(

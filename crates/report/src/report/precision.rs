@@ -51,7 +51,9 @@ pub fn figure(calibrations: &Calibrations) -> String {
         (0, "σ of position (mm)", 1e3),
         (3, "σ of rotation about body axes (°)", 1f64.to_degrees()),
     ];
-    let charts = parts.map(|part| format!("<div>{}</div>", chart(&series, part)));
+    let charts = parts.map(|(first, label, factor)| {
+        format!("<div>{}</div>", chart(&series, first, label, factor))
+    });
     let mut entries: Vec<(String, String)> = series
         .iter()
         .map(|one| (one.class.to_owned(), one.name.clone()))
@@ -87,7 +89,7 @@ pub fn sigmas(calibration: &Calibration, scanner: usize) -> [Option<f64>; 6] {
     })
 }
 
-fn chart(series: &[Series], (first, label, factor): (usize, &str, f64)) -> String {
+fn chart(series: &[Series], first: usize, label: &str, factor: f64) -> String {
     let scanners = &series[0].calibration.mountings;
     let names: Vec<String> = scanners
         .iter()

@@ -40,7 +40,8 @@ struct Placed {
 pub fn associate(
     scans: &[Scans<'_>],
     motions: &[Box<dyn Motion>],
-    (mountings, bends): (&[BodyFromScanner], Option<&Bends>),
+    mountings: &[BodyFromScanner],
+    bends: Option<&Bends>,
     late_s: &[f64],
     reference: &ReferenceCells,
     gates: &Gates,
@@ -100,7 +101,8 @@ pub fn associate(
                 placed,
                 scans,
                 motion.steps(),
-                (&surfels, &by_key),
+                &surfels,
+                &by_key,
                 gates,
                 &mut tallies,
             )
@@ -171,7 +173,8 @@ fn rows_of(
     placed: &[Vec<Placed>],
     scans: &Scans<'_>,
     steps: usize,
-    (surfels, by_key): (&[Surfel], &VoxelMap<VoxelKey, u32>),
+    surfels: &[Surfel],
+    by_key: &VoxelMap<VoxelKey, u32>,
     gates: &Gates,
     tallies: &mut [Tally],
 ) -> DriveRows {

@@ -74,7 +74,7 @@ fn a_row_is_the_mean_of_its_points() {
         let sigmas_m = problem.association.drives[0]
             .rows
             .iter()
-            .map(|row| problem.noise((&state, 0), row).1);
+            .map(|row| problem.noise(&state, 0, row).1);
         assert_eq!(fast.len(), slow.len());
         for ((fast, sigma_m), slow) in fast.iter().zip(sigmas_m).zip(&slow) {
             // Rounding of sums of about a metre.

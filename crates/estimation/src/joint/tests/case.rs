@@ -374,7 +374,8 @@ impl Case {
         associate(
             &[input.drives[0].scans.clone()],
             &state.motions,
-            (&state.poses(), None),
+            &state.poses(),
+            None,
             &state.late_s,
             &ReferenceCells::new(&self.reference, SURFEL_M, [0.0; REFERENCE]),
             &Gates {
@@ -394,7 +395,8 @@ impl Case {
             bends: Bends::new(
                 self.settings.mounting.least,
                 std::slice::from_ref(&self.motion),
-                (&self.mountings, &[]),
+                &self.mountings,
+                &[],
                 &self.input().frames(),
             ),
             late_s: vec![0.0; self.mountings.len()],
@@ -410,13 +412,14 @@ impl Case {
         let mut state = self.state();
         state.shapes = vec![Vec3::zeros(); association.surfels.len()];
         state.patches = vec![0.0; association.patches];
-        let begin = (&state, Vec::new(), self.surface_m);
         let problem = JointProblem::new(
             input,
             &self.settings,
             association,
             Groups::new(input),
-            begin,
+            &state,
+            Vec::new(),
+            self.surface_m,
         );
         (problem, state)
     }

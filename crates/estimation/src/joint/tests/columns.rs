@@ -45,7 +45,8 @@ fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
     associate(
         &[scans],
         &[Box::new(motion)],
-        (&[BodyFromScanner::identity()], None),
+        &[BodyFromScanner::identity()],
+        None,
         &[0.0],
         &ReferenceCells::new(reference, SIZE_M, [0.0; 6]),
         &Gates {

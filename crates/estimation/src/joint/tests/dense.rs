@@ -115,7 +115,7 @@ fn step_and_covariances_are_those_of_dense_algebra() {
 
 /// With the damping of the adjustment.
 fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
-    let ended = levenberg_marquardt(problem, state, DAMPING, (30, CONVERGED_SIGMAS), &Silent)
+    let ended = levenberg_marquardt(problem, state, DAMPING, 30, CONVERGED_SIGMAS, &Silent)
         .expect("not cancelled");
     assert_eq!(ended.stop, StopReason::Converged);
 }

@@ -34,6 +34,15 @@ impl Record {
     }
 }
 
+/// The place of a record in the logs.
+#[derive(Debug, Clone, Copy)]
+pub struct RecordId {
+    pub stream: Stream,
+    /// Its number in the log, from 0.
+    pub record: usize,
+    pub time_s: f64,
+}
+
 /// All records in the order in which they arrived.
 #[derive(Debug, Clone, Default)]
 pub struct ReceivedLogs {

@@ -1,7 +1,7 @@
 //! The running smoother: records in time order become factors.
 
 use super::gate::{Decision, Gate, innovation};
-use super::records::Record;
+use super::records::{Record, RecordId};
 use super::rests::RestWatch;
 use super::scatter::Scatter;
 use super::smoother::{Smoother, Work};
@@ -137,11 +137,14 @@ impl Running {
         settings: &TrajectorySettings,
         weight: Option<f64>,
     ) -> Result<()> {
-        let stream = Stream::Position(sensor);
-        let at = (fix.record, fix.value.time_s);
+        let at = RecordId {
+            stream: Stream::Position(sensor),
+            record: fix.record,
+            time_s: fix.value.time_s,
+        };
         let (step, _) = self.smoother.graph.place(fix.value.time_s);
         if step < self.smoother.reach() {
-            self.refuse(stream, at, RejectionReason::Late, settings);
+            self.refuse(at, RejectionReason::Late, settings);
             return Ok(());
         }
         self.streams.positions[sensor].push(*fix);
@@ -165,7 +168,7 @@ impl Running {
                 let missed = [0.0, missed_m.norm(), 0.0];
                 let square = innovation(&rows, &self.covariance());
                 let decision = self.positions[sensor].test(square, fix.value.time_s);
-                self.consequence(decision, (stream, at), square, missed, settings)
+                self.consequence(decision, at, square, missed, settings)
             }
         };
         self.smoother.graph.positions[place].weight = weight;
@@ -180,10 +183,14 @@ impl Running {
         settings: &TrajectorySettings,
         weight: Option<f64>,
     ) -> Result<()> {
-        let at = (fix.record, fix.value.time_s);
+        let at = RecordId {
+            stream: Stream::Heading,
+            record: fix.record,
+            time_s: fix.value.time_s,
+        };
         let (step, _) = self.smoother.graph.place(fix.value.time_s);
         if step < self.smoother.reach() {
-            self.refuse(Stream::Heading, at, RejectionReason::Late, settings);
+            self.refuse(at, RejectionReason::Late, settings);
             return Ok(());
         }
         self.streams.heading.push(*fix);
@@ -205,7 +212,7 @@ impl Running {
                     let missed = [rows.residual[0].abs() * factor.sigma_rad, 0.0, 0.0];
                     let square = innovation(&rows, &self.covariance());
                     let decision = self.heading.test(square, fix.value.time_s);
-                    self.consequence(decision, (Stream::Heading, at), square, missed, settings)
+                    self.consequence(decision, at, square, missed, settings)
                 }
             };
             self.smoother.graph.headings[place].weight = weight;
@@ -219,19 +226,19 @@ impl Running {
     fn consequence(
         &mut self,
         decision: Decision,
-        (stream, (record, time_s)): (Stream, (usize, f64)),
+        at: RecordId,
         square: f64,
         missed: [f64; 3],
         settings: &TrajectorySettings,
     ) -> f64 {
-        let sensor = Names(settings).sensor(stream);
+        let sensor = Names(settings).sensor(at.stream);
         match decision {
             Decision::Accept => 1.0,
             Decision::Refuse => {
                 self.rejections.push(Rejection {
                     sensor,
-                    record: record + 1,
-                    time_s,
+                    record: at.record + 1,
+                    time_s: at.time_s,
                     reason: RejectionReason::Outlier,
                     normalised: Some(square.sqrt()),
                 });
@@ -239,24 +246,21 @@ impl Running {
             }
             Decision::Follow => {
                 self.smoother.loosen_newest_step(&self.streams.imu, missed);
-                self.jumps.push(Jump { sensor, time_s });
+                self.jumps.push(Jump {
+                    sensor,
+                    time_s: at.time_s,
+                });
                 1.0
             }
         }
     }
 
-    /// Lists a record (its number from 0) that is not used.
-    pub fn refuse(
-        &mut self,
-        stream: Stream,
-        (record, time_s): (usize, f64),
-        reason: RejectionReason,
-        settings: &TrajectorySettings,
-    ) {
+    /// Lists a record that is not used.
+    pub fn refuse(&mut self, at: RecordId, reason: RejectionReason, settings: &TrajectorySettings) {
         self.rejections.push(Rejection {
-            sensor: Names(settings).sensor(stream),
-            record: record + 1,
-            time_s,
+            sensor: Names(settings).sensor(at.stream),
+            record: at.record + 1,
+            time_s: at.time_s,
             reason,
             normalised: None,
         });

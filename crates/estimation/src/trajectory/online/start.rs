@@ -1,7 +1,7 @@
 //! The start: the first seconds are adjusted as a whole, then taken in step by step.
 
 use super::options::OnlineOptions;
-use super::records::{ReceivedLogs, Record};
+use super::records::{ReceivedLogs, Record, RecordId};
 use super::running::Running;
 use super::smoother::Smoother;
 use super::update::Update;
@@ -93,7 +93,7 @@ pub fn start(
     };
     // Later records may determine what the first seconds do not, and outweigh their outliers.
     Ok(
-        match adjusted(&logs, received, &numbers, (newest_imu_s, settings, options)) {
+        match adjusted(&logs, received, &numbers, newest_imu_s, settings, options) {
             Ok((running, update)) => Start::Made(Box::new(running), update),
             Err(error) => Start::NotYet(error),
         },
@@ -105,10 +105,11 @@ fn adjusted(
     logs: &MotionLogs<'_>,
     received: &ReceivedLogs,
     numbers: &Numbers,
-    (newest_imu_s, settings, options): (f64, &TrajectorySettings, OnlineOptions),
+    newest_imu_s: f64,
+    settings: &TrajectorySettings,
+    options: OnlineOptions,
 ) -> Result<(Running, Update)> {
-    let nothing = (&[][..], &Carried::default());
-    let adjusted = adjust_once(&initial, logs, settings, nothing, &Silent)?;
+    let adjusted = adjust_once(&initial, logs, settings, &[], &Carried::default(), &Silent)?;
     if adjusted.ended.stop != StopReason::Converged {
         return Err(Error::of(
             Problem::TooFew,
@@ -120,8 +121,12 @@ fn adjusted(
     let leapt = |sample: &ImuSample| sample.time_s > newest_imu_s;
     for (record, sample) in received.imu.iter().enumerate() {
         if leapt(sample) {
-            let at = (record, sample.time_s);
-            running.refuse(Stream::Imu, at, RejectionReason::TimeOrder, settings);
+            let at = RecordId {
+                stream: Stream::Imu,
+                record,
+                time_s: sample.time_s,
+            };
+            running.refuse(at, RejectionReason::TimeOrder, settings);
         }
     }
     take_in(&adjusted, numbers, settings, &mut running)?;
@@ -210,8 +215,12 @@ fn take_in(
             }
         }
         if weight == 0.0 {
-            let at = (number, time_s);
-            running.refuse(stream, at, RejectionReason::Outlier, settings);
+            let at = RecordId {
+                stream,
+                record: number,
+                time_s,
+            };
+            running.refuse(at, RejectionReason::Outlier, settings);
         }
     }
     Ok(())

@@ -171,7 +171,6 @@ fn heading(source: &Source, all: &Written) -> Result<HeadingSettings> {
     let sigma_deg = table.positive("sigma_deg", heading.sigma_deg.unwrap_or(0.7))?;
     let pitch_deg = heading.sigma_pitch_deg.unwrap_or(sigma_deg);
     let correlated_deg = heading.sigma_correlated_deg;
-    let correlated = ("sigma_correlated_deg", correlated_deg.is_some());
     let convergence_deg = all.frame.grid_convergence_deg;
     Ok(HeadingSettings {
         sigma_rad: sigma_deg.to_radians(),
@@ -179,7 +178,11 @@ fn heading(source: &Source, all: &Written) -> Result<HeadingSettings> {
         sigma_correlated_rad: table
             .not_negative("sigma_correlated_deg", correlated_deg.unwrap_or(0.0))?
             .to_radians(),
-        correlation_s: table.correlation(correlated, heading.correlation_s)?,
+        correlation_s: table.correlation(
+            "sigma_correlated_deg",
+            correlated_deg.is_some(),
+            heading.correlation_s,
+        )?,
         mounting_offset_rad: table
             .finite("mounting_offset_deg", heading.mounting_offset_deg)?
             .to_radians(),

@@ -112,7 +112,7 @@ fn correlated(
     for value in values {
         table.not_negative(key, value)?;
     }
-    let correlation_s = table.correlation((key, sigma_m.is_some()), correlation_s)?;
+    let correlation_s = table.correlation(key, sigma_m.is_some(), correlation_s)?;
     Ok((values.into(), correlation_s))
 }
 

@@ -67,11 +67,7 @@ impl<'a> Table<'a> {
 
     /// The correlation time of the time-correlated part of a sensor's errors. It may be given only if the
     /// key of its sigma is given.
-    pub fn correlation(
-        &self,
-        (sigma, given): (&str, bool),
-        correlation_s: Option<f64>,
-    ) -> Result<f64> {
+    pub fn correlation(&self, sigma: &str, given: bool, correlation_s: Option<f64>) -> Result<f64> {
         let key = "correlation_s";
         match correlation_s {
             None => Ok(SENSOR_CORRELATION_S),

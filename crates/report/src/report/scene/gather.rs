@@ -33,7 +33,7 @@ pub fn gather(input: &Input) -> Option<Scene> {
     let scans: Vec<Vec<_>> = scans.map(|scan| profiles(scan, &trajectories)).collect();
     let passes = Passes::of(result.trajectory);
     let places = places(&placed(&scans, result, last, &passes));
-    let selected = select(&scans, input.most_points, (result, last), &places);
+    let selected = select(&scans, input.most_points, result, last, &places);
     let frame = Frame::around(&selected, last)?;
 
     let scanners = input.scans.iter().zip(&selected);

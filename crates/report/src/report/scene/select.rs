@@ -98,7 +98,8 @@ fn count(scans: &[Vec<Profile>]) -> usize {
 pub fn select<'a>(
     scans: &'a [Vec<Profile<'a>>],
     most_points: usize,
-    (view, set): (&View, usize),
+    view: &View,
+    set: usize,
     places: &[Place],
 ) -> Vec<Vec<Chosen<'a>>> {
     let total = count(scans);

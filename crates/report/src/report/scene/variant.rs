@@ -40,7 +40,7 @@ pub fn variant(
     let known: Vec<Vec<[f64; 2]>> = selected
         .par_iter()
         .enumerate()
-        .map(|(scanner, profiles)| distances(view, set, (scanner, profiles.as_slice()), input))
+        .map(|(scanner, profiles)| distances(view, set, scanner, profiles, input))
         .collect();
     let limit = |which: usize| {
         let all = known.iter().flatten().map(|values| values[which].abs());
@@ -120,7 +120,8 @@ fn omnivariances(view: &View, set: usize, selected: &[Vec<Chosen>]) -> Vec<Vec<f
 fn distances(
     view: &View,
     set: usize,
-    (scanner, profiles): (usize, &[Chosen]),
+    scanner: usize,
+    profiles: &[Chosen],
     input: &Input,
 ) -> Vec<[f64; 2]> {
     let name = input.scans[scanner].name;

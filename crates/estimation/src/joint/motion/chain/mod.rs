@@ -132,7 +132,8 @@ impl ChainMotion {
     /// Adds a factor's rows, with the correlated error of its sensor, if it has one.
     fn add(
         &self,
-        (step, group): (usize, usize),
+        step: usize,
+        group: usize,
         rows: &Rows<'_>,
         error: Option<ErrorRows<'_>>,
         places: &Places<'_>,
@@ -361,7 +362,7 @@ impl Motion for ChainMotion {
         self.graph.rows(&self.state, step, |source, rows| {
             let error = self.error_of(&source);
             let group = self.group_of(&source);
-            self.add((step, group), &rows, error, places, batch);
+            self.add(step, group, &rows, error, places, batch);
         });
         let w = 1.0 / self.bridge_sigma_rad(step);
         for (i, value) in self.bridges[step].iter().enumerate() {

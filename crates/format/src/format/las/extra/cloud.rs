@@ -21,7 +21,8 @@ use crate::progress::Progress;
 pub fn cloud_to_las(
     cloud: &PointCloud,
     output: &Path,
-    (dimensions, wkt): (&[ExtraDimension], Option<String>),
+    dimensions: &[ExtraDimension],
+    wkt: Option<String>,
     row: &mut Row<'_>,
     progress: &dyn Progress,
 ) -> Result<u64> {

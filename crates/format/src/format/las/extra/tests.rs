@@ -241,7 +241,7 @@ fn a_cloud_is_written_with_the_times_and_intensities_that_it_has() {
         };
         let all = dimensions();
         assert_eq!(
-            cloud_to_las(&cloud, &output, (&all, None), &mut row, &Silent).unwrap(),
+            cloud_to_las(&cloud, &output, &all, None, &mut row, &Silent).unwrap(),
             39
         );
         let back = read_cloud(&output).unwrap();
@@ -266,7 +266,7 @@ fn a_cloud_wider_than_32_bits_of_the_finest_step_is_written_in_coarser_steps() {
         points: vec![Vec3::new(-1e6, 0.0, 0.0), Vec3::new(2e6, 0.125, 7.0)],
         ..PointCloud::default()
     };
-    cloud_to_las(&cloud, &output, (&[], None), &mut |_, _| Ok(true), &Silent).unwrap();
+    cloud_to_las(&cloud, &output, &[], None, &mut |_, _| Ok(true), &Silent).unwrap();
     let back = read_cloud(&output).unwrap();
     assert_eq!(back.points.len(), 2);
     for (a, b) in back.points.iter().zip(&cloud.points) {
