@@ -265,6 +265,32 @@ fn outliers_are_rejected_and_named_and_a_lasting_shift_is_followed() {
 }
 
 #[test]
+fn an_outlier_of_the_first_seconds_is_named_by_its_number_in_the_log() {
+    const OUTLIER: usize = 5;
+    let (mut logs, _) = rover_drive(3);
+    let arrivals_s: Vec<f64> = logs.prism.iter().map(|fix| fix.time_s).collect();
+    logs.prism[OUTLIER].position_m.x += 0.5;
+    // The start does not take a stamp that leaps ahead.
+    logs.prism[2].time_s += 5000.0;
+    let mut online = Online::new(&logs.settings, OnlineOptions::default()).expect("settings");
+    let mut headings = logs.heading.iter().peekable();
+    let mut prism = logs.prism.iter().zip(arrivals_s).peekable();
+    for sample in logs.imu.iter().take_while(|sample| sample.time_s < 15.0) {
+        while let Some(fix) = headings.next_if(|fix| fix.time_s <= sample.time_s) {
+            online.heading(*fix).expect("a heading");
+        }
+        while let Some((fix, _)) = prism.next_if(|(_, arrival_s)| *arrival_s <= sample.time_s) {
+            online.position(0, *fix).expect("a fix");
+        }
+        online.imu(*sample).expect("a sample");
+    }
+    let outliers = online.rejections().iter();
+    let outliers = outliers.filter(|rejection| rejection.reason == RejectionReason::Outlier);
+    let records: Vec<usize> = outliers.map(|rejection| rejection.record).collect();
+    assert_eq!(records, [OUTLIER + 1]);
+}
+
+#[test]
 fn the_smoother_survives_outages_gaps_and_stamps_out_of_order() {
     let (mut logs, truth) = rover_drive(4);
     logs.prism.retain(|fix| !(20.0..40.0).contains(&fix.time_s));

@@ -217,7 +217,7 @@ fn take_in(
         if weight == 0.0 {
             let at = RecordId {
                 stream,
-                record: number,
+                record: numbers.of_stream(stream)[number],
                 time_s,
             };
             running.refuse(at, RejectionReason::Outlier, settings);
