@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::Result;
-use crate::format::{recording_clock, sensor_clock};
+use crate::format::{is_in_recording, recording_clock, sensor_clock};
 use crate::judgement;
 use crate::project::{Motion, Project};
 use crate::verdict::Verdict;
@@ -29,7 +29,7 @@ pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
 /// Whether the logs of a drive were recorded with the times of their arrival.
 pub(super) fn is_recorded(project: &Project) -> bool {
     let mut logs = logs(project).into_iter();
-    logs.any(|(_, path)| recording_clock(path).is_some())
+    logs.any(|(_, path)| is_in_recording(path))
 }
 
 /// The logs of a drive, with the names of their sensors.

@@ -1,7 +1,7 @@
 //! Detection of file formats: by content, then by name.
 
 use super::file::{extension, nothing_in};
-use super::input::Input;
+use super::input::{Input, PARQUET};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::parquet;
@@ -26,16 +26,16 @@ pub fn detect(input: impl Into<Input>) -> Result<Format> {
 }
 
 fn by_content(input: &Input) -> Result<&'static Kind> {
-    let (_, size) = input.open()?;
+    let (mut stream, size) = input.open()?;
     let start = Start {
-        bytes: &input.start()?,
+        bytes: &input.first_bytes(&mut stream)?,
         size,
     };
     let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|matches| matches(&start));
     if let Some(kind) = KINDS.iter().find(is_signed) {
         return Ok(kind);
     }
-    if input.is_parquet() {
+    if start.bytes.starts_with(PARQUET) {
         return by_parquet(input);
     }
     // The content is ambiguous: the extension decides if it is known, and its reader reports errors.

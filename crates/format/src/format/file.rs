@@ -107,7 +107,7 @@ pub(crate) const CLOCK_LOG: &str = "clock.csv";
 pub(crate) const EVENT_LOG: &str = "events.csv";
 
 /// Whether a file is in the folder of a recording.
-pub(crate) fn is_in_recording(path: &Path) -> bool {
+pub fn is_in_recording(path: &Path) -> bool {
     let is_there = |name| path.with_file_name(name).is_file();
     is_there(CLOCK_LOG) && is_there(EVENT_LOG)
 }

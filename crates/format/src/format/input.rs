@@ -10,7 +10,7 @@ use super::file::file_of;
 use crate::error::{Error, Location, Result};
 
 /// The first bytes of a Parquet file, and also its last.
-const PARQUET: &[u8] = b"PAR1";
+pub(crate) const PARQUET: &[u8] = b"PAR1";
 
 /// The bytes of a file or of an excerpt of it, and its path for messages. It can be opened more than once, each time
 /// with a position of its own. The format is detected once for all clones.
@@ -110,13 +110,13 @@ impl Input {
         }
     }
 
-    /// The first bytes, up to 4096.
-    pub(crate) fn start(&self) -> Result<Vec<u8>> {
-        let (stream, _) = self.open()?;
+    /// The first bytes of an opened input, up to 4096; it is left at its beginning.
+    pub(crate) fn first_bytes(&self, stream: &mut Stream) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         stream
             .take(4096)
             .read_to_end(&mut bytes)
+            .and_then(|_| stream.rewind())
             .map_err(|e| Error::io(self.path(), e))?;
         Ok(bytes)
     }

@@ -42,7 +42,7 @@ pub use cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
 pub use cloud::table::write_cloud_table;
 pub use detect::detect;
 pub use extents::Extent;
-pub use file::file_of;
+pub use file::{file_of, is_in_recording};
 pub use files::files_of;
 pub use input::Input;
 pub use inspect::{Bounds, Gap, Inspection, inspect};

@@ -59,8 +59,7 @@ fn reader<T>(
 pub fn read_imu(input: impl Into<Input>) -> Result<Vec<ImuSample>> {
     let input = &input.into();
     let mut samples = reader(input, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(input)?;
-    let clock = sensor_clock(input)?;
-    put_on_common_time(clock.as_ref(), &mut samples);
+    put_on_common_time(input, &mut samples)?;
     Ok(samples)
 }
 
@@ -72,8 +71,7 @@ pub fn read_heading(input: impl Into<Input>) -> Result<Vec<HeadingFix>> {
     let input = &input.into();
     let select = |kind: &Kind| kind.heading;
     let mut fixes = reader(input, "a heading log", select, &native::HEADING_TABLE)?(input)?;
-    let clock = sensor_clock(input)?;
-    put_on_common_time(clock.as_ref(), &mut fixes);
+    put_on_common_time(input, &mut fixes)?;
     Ok(fixes)
 }
 
@@ -88,8 +86,7 @@ pub fn read_positions(input: impl Into<Input>, observations: &Observations) -> R
     let select = |kind: &Kind| kind.positions;
     let read = reader(input, "a position log", select, &positions::POSITION_TABLE)?;
     let mut positions = read(input, observations)?;
-    let clock = sensor_clock(input)?;
-    put_on_common_time(clock.as_ref(), &mut positions.fixes);
+    put_on_common_time(input, &mut positions.fixes)?;
     let corrected_times: HashMap<u64, f64> = station_times(input)?
         .into_iter()
         .map(|(written_s, corrected_s)| (written_s.to_bits(), corrected_s))
@@ -103,11 +100,16 @@ pub fn read_positions(input: impl Into<Input>, observations: &Observations) -> R
 }
 
 /// Converts the times of a recorded sensor to the common time of its recording.
-fn put_on_common_time<T: Timed>(clock: Option<&SensorClock>, records: &mut [T]) {
-    if let Some(clock) = clock {
-        for record in records {
-            *record.time_s_mut() = clock.common_s(record.time_s());
-        }
+fn put_on_common_time<T: Timed>(input: &Input, records: &mut [T]) -> Result<()> {
+    if let Some(clock) = sensor_clock(input)? {
+        convert_times(&clock, records);
+    }
+    Ok(())
+}
+
+fn convert_times<T: Timed>(clock: &SensorClock, records: &mut [T]) {
+    for record in records {
+        *record.time_s_mut() = clock.common_s(record.time_s());
     }
 }
 
@@ -145,8 +147,7 @@ pub fn read_projected_positions(
     };
     let crs = crs.ok_or_else(|| unprojected(input.path()))?;
     let mut geographic = reader(input)?;
-    let clock = sensor_clock(input)?;
-    put_on_common_time(clock.as_ref(), &mut geographic);
+    put_on_common_time(input, &mut geographic)?;
     let fixes = project_fixes(&geographic, crs).map_err(|error| match error {
         Error::Data {
             problem, remedy, ..
@@ -265,7 +266,7 @@ struct OnCommonTime {
 impl ProfileReader for OnCommonTime {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         let is_more = self.profiles.next_chunk(into)?;
-        put_on_common_time(Some(&self.clock), into);
+        convert_times(&self.clock, into);
         Ok(is_more)
     }
 

@@ -8,7 +8,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::binary::Number;
 use crate::format::cloud::crs;
 use crate::format::file::guarded;
-use crate::format::input::Input;
+use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind};
 use crate::geometry::{Rotation, Vec3, WorldFromScanner};
 
@@ -30,11 +30,16 @@ fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
     )
 }
 
+/// Opens a file and checks its header; also returns its size in bytes.
+fn open(input: &Input) -> Result<(Stream, u64)> {
+    let (mut file, size) = input.open()?;
+    check_header(input.path(), &input.first_bytes(&mut file)?, size)?;
+    Ok((file, size))
+}
+
 /// The `coordinateMetadata` of a file, which holds WKT.
 fn wkt(input: &Input) -> Result<Option<String>> {
-    let (file, size) = input.open()?;
-    let head = input.start()?;
-    check_header(input.path(), &head, size)?;
+    let (file, _) = open(input)?;
     guarded(input.path(), "E57", || {
         let reader = e57::E57Reader::new(BufReader::new(file))
             .map_err(|e| problem(input.path(), chain(&e)))?;
@@ -47,9 +52,7 @@ fn wkt(input: &Input) -> Result<Option<String>> {
 
 /// Units and frame of a file: metres, and the coordinate reference system that the file names, if any.
 fn describe_frame(input: &Input) -> Result<String> {
-    let (file, size) = input.open()?;
-    let head = input.start()?;
-    check_header(input.path(), &head, size)?;
+    let (file, _) = open(input)?;
     let system = guarded(input.path(), "E57", || {
         let reader = e57::E57Reader::new(BufReader::new(file))
             .map_err(|e| problem(input.path(), chain(&e)))?;
@@ -66,9 +69,7 @@ fn describe_frame(input: &Input) -> Result<String> {
 
 /// Calls `take` with every measured point and its intensity (0 if a scan has none).
 pub(crate) fn for_each(input: &Input, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
-    let (file, size) = input.open()?;
-    let head = input.start()?;
-    check_header(input.path(), &head, size)?;
+    let (file, size) = open(input)?;
     guarded(input.path(), "E57", || {
         let mut reader = e57::E57Reader::new(BufReader::new(file))
             .map_err(|e| problem(input.path(), chain(&e)))?;

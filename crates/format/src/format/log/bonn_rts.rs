@@ -19,9 +19,9 @@
 //! of the two clocks.
 
 use crate::error::{Error, Location, Result};
-use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::log::positions::check_measured;
 use crate::format::text::table::{Columns, Table};
 use crate::sensor::{Observations, PolarObservation, Positions, RejectedRow};
 
@@ -146,19 +146,9 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
             answer_bytes: Some(answer_bytes).filter(|bytes| !bytes.is_nan()),
         });
     }
-    // New rows of a log that grows may all lack a range.
-    if log.observations.is_empty() && !input.is_excerpt() {
-        let rejected = log.rejected.len();
-        if rejected == 0 {
-            return Err(nothing_in(input.path(), "observation"));
-        }
-        return Err(Error::format(
-            input.path(),
-            Location::Whole,
-            format!("{rejected} rows, none with a range and a time of the instrument"),
-            "at least one observation",
-        ));
-    }
+    let counts = [log.observations.len(), log.rejected.len()];
+    let needed = "a range and a time of the instrument";
+    check_measured(input, counts, "observation", needed)?;
     if counts_milliseconds(&log.observations) {
         for observation in &mut log.observations {
             observation.instrument_time_s *= 1e-3;

@@ -110,16 +110,27 @@ pub(crate) const TPS_TABLE: Kind = Kind {
 /// observations without an instrument; of a whole file also no rows, no row with a range.
 pub(crate) fn read_positions(input: &Input, observations: &Observations) -> Result<Positions> {
     let positions = read_all(input, observations)?;
-    // New rows of a log that grows may all lack a range.
-    if positions.fixes.is_empty() && !input.is_excerpt() {
-        let rejected = positions.rejected.len();
-        if rejected > 0 {
-            let found = format!("{rejected} rows, none with a range");
-            return Err(error(input.path(), found, "at least one position"));
-        }
-        return Err(nothing_in(input.path(), "position"));
-    }
+    let counts = [positions.fixes.len(), positions.rejected.len()];
+    check_measured(input, counts, "position", "a range")?;
     Ok(positions)
+}
+
+/// Checks that a log has a measurement, given the numbers of measurements and of rejected rows, what a measurement is
+/// called and what a row needs for it. New rows of a log that grows may all lack it.
+pub(crate) fn check_measured(
+    input: &Input,
+    [measured, rejected]: [usize; 2],
+    what: &str,
+    needed: &str,
+) -> Result<()> {
+    if measured > 0 || input.is_excerpt() {
+        return Ok(());
+    }
+    if rejected == 0 {
+        return Err(nothing_in(input.path(), what));
+    }
+    let found = format!("{rejected} rows, none with {needed}");
+    Err(error(input.path(), found, &format!("at least one {what}")))
 }
 
 fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {

@@ -73,8 +73,8 @@ pub(super) struct Walk {
 impl Walk {
     /// Opens a file at its first record.
     pub(super) fn open(input: &Input) -> Result<Self> {
-        let (file, total) = input.open()?;
-        let start = input.start()?;
+        let (mut file, total) = input.open()?;
+        let start = input.first_bytes(&mut file)?;
         let container = if start.starts_with(mcap::MAGIC) {
             Container::Mcap
         } else if start.starts_with(rosbag::MAGIC) {
