@@ -89,22 +89,7 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 /// One board, two passes, ten coarse profiles per second.
-pub const TINY_SCENARIO: &str = r#"
-name = "tiny"
-boards = [{ center_m = [1.2, 1.2, 0.5], tilt_deg = 30.0, azimuth_deg = 70.0, size_m = [1.0, 1.0] }]
-drives = [{ passes = [{ board = 0, heading_deg = 90.0 }, { board = 0, heading_deg = 270.0 }] }]
-[field]
-size_m = [2.4, 2.4]
-margin_m = 4.0
-[profiles]
-rate_hz = 10.0
-width = 64
-[reference]
-board_spacing_m = 0.015
-soil_spacing_m = 0.03
-[motion]
-rest_s = 3.0
-"#;
+pub const TINY_SCENARIO: &str = include_str!("../data/tiny_scenario.toml");
 
 /// Exit code and output of a run of the binary.
 pub struct Run {
