@@ -2,7 +2,7 @@
 
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { existsSync, mkdtempSync, readFileSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { fileURLToPath, pathToFileURL } from 'node:url';
@@ -16,9 +16,11 @@ function program() {
   return process.env.BORESIGHT ?? join(target, 'release', 'boresight');
 }
 
-/** A folder with the results of the small drive. */
+/** A folder with the results of the small drive: the one that `VIEWER_RUN` names, or a new one until the process ends. */
 export function smallRun() {
+  if (process.env.VIEWER_RUN) return process.env.VIEWER_RUN;
   const folder = mkdtempSync(join(tmpdir(), 'boresight-viewer-'));
+  process.on('exit', () => rmSync(folder, { recursive: true, force: true }));
   const run = (...words) => execFileSync(program(), words, { stdio: ['ignore', 'ignore', 'inherit'] });
   const [data, out] = [join(folder, 'data'), join(folder, 'out')];
   run('--quiet', 'simulate', '--scenario', here('scenario.toml'), '--out', data);

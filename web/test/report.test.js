@@ -1,7 +1,7 @@
 // The page around the viewer: accessibility, wide and narrow screens, keyboard, print.
 
 import assert from 'node:assert/strict';
-import { readFileSync, rmSync } from 'node:fs';
+import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
@@ -24,7 +24,6 @@ before(async () => {
 
 after(async () => {
   await run?.close();
-  if (out) rmSync(join(out, '..'), { recursive: true, force: true });
 });
 
 for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'light' }, { width: 1280, colorScheme: 'dark' }, { width: 390, colorScheme: 'light' }]) {

@@ -1,7 +1,6 @@
 // The viewer in a browser, on the page of a small simulated drive.
 
 import assert from 'node:assert/strict';
-import { rmSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { browser, open, pixels, ready, sectionPixels, settled, smallRun, withOwnViewer } from './page.js';
@@ -19,7 +18,6 @@ before(async () => {
 
 after(async () => {
   await run?.close();
-  if (out) rmSync(join(out, '..'), { recursive: true, force: true });
 });
 
 /** Share of the pixels that differ from the first one. */
