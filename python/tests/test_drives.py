@@ -106,7 +106,7 @@ def test_calibrate_finds_what_a_run_finds(tmp_path):
     found = boresight.calibrate(project, tmp_path / "alone", progress=None)
     whole = boresight.run(project, tmp_path / "run", progress=None)
     ours, theirs = (without_times(result.to_dict()) for result in (found, whole))
-    assert ours["calibration"]["method"] == "joint"
+    assert ours["calibration"]["method"] == "joint" and "joint" in ours["calibration"]
     for key in ("scanners", "calibration", "trajectory", "two_steps"):
         assert ours.get(key) == theirs.get(key), key
     assert (tmp_path / "alone" / "mounting.csv").read_bytes() == (tmp_path / "run" / "mounting.csv").read_bytes()
