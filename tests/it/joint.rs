@@ -37,6 +37,34 @@ fn errors_match_their_sigmas_and_are_far_below_those_of_two_steps() {
     assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
 }
 
+/// Smooth ground with a curvature of about 0.5 /m and quiet scanners: what planes leave of the ground must not look like a
+/// motion of the body.
+#[test]
+#[ignore = "just acceptance"]
+fn a_rigid_drive_over_rolling_ground_stays_rigid() {
+    let mut scenario = Scenario::demo();
+    scenario.soil.wavelengths_m = vec![2.5, 1.3, 0.8];
+    scenario.soil.sigmas_m = vec![0.012, 0.008, 0.006];
+    (scenario.profiles.rate_hz, scenario.profiles.width) = (20.0, 240);
+    scenario.profiles.sigma_m = [6e-5; 2];
+    scenario.reference.board_spacing_m = 0.004;
+    scenario.reference.soil_spacing_m = 0.004;
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::new(&Setup::new(scenario), folder.path()).unwrap();
+    let imu = run.joint.groups.iter().find(|group| group.name == "imu");
+    let imu = imu.unwrap();
+    println!(
+        "{:?}, points {:.3} mm, {imu:?}",
+        run.joint.rung,
+        run.one_piece.points_m * 1e3
+    );
+    assert!(run.refused.is_empty(), "{:?}", run.refused);
+    assert_eq!(run.joint.rung, Rung::Rigid);
+    // Squares of the IMU's residuals over their redundancy.
+    assert!(imu.ratio.is_some_and(|ratio| ratio < 1.15));
+    assert!(run.one_piece.points_m < 0.0007);
+}
+
 /// Only overlapping soil, without boards and reference, and a frame that bends by millimetres with roll, pitch and
 /// acceleration, and creeps by centimetres.
 #[test]

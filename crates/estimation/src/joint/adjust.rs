@@ -14,7 +14,7 @@ use super::problem::{JointProblem, LEAST_SIGMA_M};
 use super::result::Joint;
 use super::settings::JointSettings;
 use super::state::State;
-use super::surfel::{Association, Gates, ReferenceCells, associate};
+use super::surfel::{Association, Gates, Grid, ReferenceCells, associate, profiles};
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
 use crate::calibration::observability::LEVER_M;
 use crate::error::{Error, Problem, Result};
@@ -102,7 +102,8 @@ pub fn at_rung(
     );
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
-    let mut reference = ReferenceCells::new(input.reference, surfel_m, state.reference);
+    let grid = Grid::across(&profiles(input), surfel_m);
+    let mut reference = ReferenceCells::new(input.reference, grid, state.reference);
     let (mut groups, mut held) = (Groups::new(input), Vec::new());
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
@@ -116,7 +117,6 @@ pub fn at_rung(
         progress.check()?;
         let mut problem = loop {
             let gates = Gates {
-                size_m,
                 misfit_m: round.misfit_share() * size_m,
                 patch_m: PATCH_SIZES * size_m,
                 keyframe_steps: keyframe_steps.clone(),
@@ -237,7 +237,8 @@ pub fn at_rung(
         let next_m = round.size_share(rung) * surfel_m;
         if next_m != size_m || reference_m.norm() > LEAST_SIGMA_M {
             size_m = next_m;
-            reference = ReferenceCells::new(input.reference, size_m, state.reference);
+            let grid = grid.with_size(size_m);
+            reference = ReferenceCells::new(input.reference, grid, state.reference);
         }
     }
     Err(not_determined())

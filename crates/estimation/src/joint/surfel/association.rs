@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::cells::{ReferenceCells, Sums, centre_of, columns, surfaces};
+use super::cells::{ReferenceCells, Sums, add, columns, surfaces};
 use super::regions::regions;
 use super::{
-    Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, RowPoint,
-    ScanRow, Surfel, Tally,
+    Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, Grid,
+    RowPoint, ScanRow, Surfel, Tally,
 };
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromScanner, bent};
@@ -32,6 +32,19 @@ struct Placed {
     world_m: Vec3,
     step: u32,
     point: u32,
+}
+
+/// The surfel in each voxel.
+struct SurfelVoxels {
+    grid: Grid,
+    surfels: VoxelMap<VoxelKey, u32>,
+}
+
+impl SurfelVoxels {
+    /// The surfel in whose voxels a point of the world lies.
+    fn surfel_at(&self, world_m: &Vec3) -> Option<u32> {
+        self.surfels.get(&self.grid.key(world_m)).copied()
+    }
 }
 
 /// Finds the surfels and their rows for these motions and mountings. Scanner points and the reference are
@@ -66,16 +79,18 @@ pub fn associate(
                 .collect()
         })
         .collect();
+    let grid = &reference.grid;
     let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
     for point in placed.iter().flatten().flatten() {
-        let key = voxel_key(&point.world_m, gates.size_m);
-        let offset = point.world_m - centre_of(&key, gates.size_m);
-        cells.entry(key).or_default().add(&offset);
+        add(&mut cells, grid, &point.world_m);
     }
-    let columns = columns(&cells, reference, gates.size_m);
+    let columns = columns(&cells, reference);
     let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
     let mut surfels: Vec<Surfel> = Vec::new();
-    let mut by_key: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    let mut voxels = SurfelVoxels {
+        grid: *grid,
+        surfels: VoxelMap::default(),
+    };
     let fitted: Vec<Vec<(&[VoxelKey], Surfel)>> = columns
         .par_iter()
         .map(|column| surfaces(column, &cells, reference, gates))
@@ -87,7 +102,7 @@ pub fn associate(
             prior.patch = *patches.entry(key).or_insert(next);
         }
         for key in keys {
-            by_key.insert(*key, surfels.len() as u32);
+            voxels.surfels.insert(*key, surfels.len() as u32);
         }
         surfels.push(surfel);
     }
@@ -102,18 +117,18 @@ pub fn associate(
                 scans,
                 motion.steps(),
                 &surfels,
-                &by_key,
+                &voxels,
                 gates,
                 &mut tallies,
             )
         })
         .collect();
-    let regions = regions(&surfels, &tallies, gates);
+    let regions = regions(&surfels, &tallies, grid.size_m);
     for (surfel, tally) in surfels.iter_mut().zip(&tallies) {
         if tally.free > 0.0 {
             surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
         }
-        let sizes = surfel.scatter_m / gates.size_m;
+        let sizes = surfel.scatter_m / grid.size_m;
         let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
@@ -174,7 +189,7 @@ fn rows_of(
     scans: &Scans<'_>,
     steps: usize,
     surfels: &[Surfel],
-    by_key: &VoxelMap<VoxelKey, u32>,
+    voxels: &SurfelVoxels,
     gates: &Gates,
     tallies: &mut [Tally],
 ) -> DriveRows {
@@ -182,10 +197,10 @@ fn rows_of(
     let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
     for (scanner, points) in placed.iter().enumerate() {
         let near = points.par_iter().filter_map(|point| {
-            let surfel = *by_key.get(&voxel_key(&point.world_m, gates.size_m))?;
+            let surfel = voxels.surfel_at(&point.world_m)?;
             let plane = &surfels[surfel as usize];
             let distance_m = plane.axes[0].dot(&(point.world_m - plane.centre_m));
-            (distance_m.abs() < NEAR_SIZES * gates.size_m).then_some((
+            (distance_m.abs() < NEAR_SIZES * voxels.grid.size_m).then_some((
                 point.step,
                 scanner as u32,
                 surfel,

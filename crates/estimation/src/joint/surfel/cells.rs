@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::{Gates, MIN_POINTS, ReferencePlane, Surfel};
+use super::{Gates, Grid, MIN_POINTS, ReferencePlane, Surfel};
 use crate::cloud::StructureTensor;
-use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap};
 use crate::geometry::so3::exp;
 use crate::geometry::{Mat3, Vec3};
 use crate::joint::layout::REFERENCE;
@@ -53,9 +53,11 @@ impl Sums {
 }
 
 /// The reference's points in voxels of the surfels' size.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct ReferenceCells {
     cells: VoxelMap<VoxelKey, Sums>,
+    /// The voxels.
+    pub grid: Grid,
     /// The displacement that was applied to the points.
     pub place: ReferencePlace,
 }
@@ -83,14 +85,9 @@ impl ReferencePlace {
     }
 }
 
-/// Centre of a voxel, metres.
-pub fn centre_of(key: &VoxelKey, size_m: f64) -> Vec3 {
-    Vec3::from_fn(|i, _| (key[i] as f64 + 0.5) * size_m)
-}
-
 impl ReferenceCells {
     /// Moves points by the correction of the reference and sorts them into voxels.
-    pub fn new(points: &[Vec3], size_m: f64, correction: [f64; REFERENCE]) -> Self {
+    pub fn new(points: &[Vec3], grid: Grid, correction: [f64; REFERENCE]) -> Self {
         let place = ReferencePlace::new(points, correction);
         let [x, y, z, turn @ ..] = correction;
         let shift_m = place.centre_m + Vec3::new(x, y, z);
@@ -98,22 +95,24 @@ impl ReferenceCells {
         let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
         for point in points {
             let point = shift_m + rotation * (point - place.centre_m);
-            let key = voxel_key(&point, size_m);
-            let centre = centre_of(&key, size_m);
-            cells.entry(key).or_default().add(&(point - centre));
+            add(&mut cells, &grid, &point);
         }
-        Self { cells, place }
+        Self { cells, grid, place }
     }
+}
+
+/// Adds a point of the world to its voxel.
+pub fn add(cells: &mut VoxelMap<VoxelKey, Sums>, grid: &Grid, world_m: &Vec3) {
+    let key = grid.key(world_m);
+    let offset = grid.place(world_m) - grid.centre_m(&key);
+    cells.entry(key).or_default().add(&offset);
 }
 
 /// Columns of adjacent voxels that one surface may cross, along the axis nearest to its normal. A single
 /// voxel would cut the noise of a surface close to its face in two, and each half would keep its points
 /// regardless of the mountings.
-pub fn columns(
-    cells: &VoxelMap<VoxelKey, Sums>,
-    reference: &ReferenceCells,
-    size_m: f64,
-) -> Vec<Vec<VoxelKey>> {
+pub fn columns(cells: &VoxelMap<VoxelKey, Sums>, reference: &ReferenceCells) -> Vec<Vec<VoxelKey>> {
+    let grid = &reference.grid;
     let mut keys: Vec<VoxelKey> = cells.keys().copied().collect();
     keys.par_sort_unstable();
     let axes: Vec<Option<usize>> = keys
@@ -123,7 +122,7 @@ pub fn columns(
             if let Some(known) = reference.cells.get(key) {
                 sums.combine(known, &Vec3::zeros());
             }
-            let tensor = (sums.count >= MIN_POINTS).then(|| sums.tensor(&centre_of(key, size_m)));
+            let tensor = (sums.count >= MIN_POINTS).then(|| sums.tensor(&grid.centre_m(key)));
             Some(tensor?.normal()?.iamax())
         })
         .collect();
@@ -168,12 +167,12 @@ pub fn columns(
 }
 
 /// The sums of all voxels of a column about the centre of its first.
-fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, size_m: f64) -> Sums {
-    let centre = centre_of(&column[0], size_m);
+fn sums_of(column: &[VoxelKey], cells: &VoxelMap<VoxelKey, Sums>, grid: &Grid) -> Sums {
+    let centre = grid.centre_m(&column[0]);
     let mut sums = Sums::default();
     for key in column {
         if let Some(voxel) = cells.get(key) {
-            sums.combine(voxel, &(centre_of(key, size_m) - centre));
+            sums.combine(voxel, &(grid.centre_m(key) - centre));
         }
     }
     sums
@@ -196,11 +195,11 @@ pub fn surfaces<'a>(
     let axis = (0..3).find(|&i| column[0][i] != column[1][i]).unwrap_or(2);
     let clear = |key: &&'a [VoxelKey]| {
         let is_clear = |cells: &VoxelMap<VoxelKey, Sums>| {
-            let sums = sums_of(key, cells, gates.size_m);
+            let sums = sums_of(key, cells, &reference.grid);
             let mean = sums.first[axis] / sums.count;
             let variance = sums.second[(axis, axis)] / sums.count - mean * mean;
             let reach_m = mean.abs() + CLEAR_SIGMAS * variance.max(0.0).sqrt();
-            sums.count == 0.0 || reach_m < 0.5 * gates.size_m
+            sums.count == 0.0 || reach_m < 0.5 * reference.grid.size_m
         };
         is_clear(scanned) && is_clear(&reference.cells)
     };
@@ -217,15 +216,16 @@ fn fit(
     reference: &ReferenceCells,
     gates: &Gates,
 ) -> Option<Surfel> {
-    let reference = sums_of(column, &reference.cells, gates.size_m);
-    let scanned = sums_of(column, scanned, gates.size_m);
+    let grid = &reference.grid;
+    let reference = sums_of(column, &reference.cells, grid);
+    let scanned = sums_of(column, scanned, grid);
     let reference = Some(&reference);
     let reference = reference.filter(|sums| sums.count >= MIN_POINTS);
     let sums = reference.unwrap_or(&scanned);
     if sums.count < MIN_POINTS {
         return None;
     }
-    let tensor = sums.tensor(&centre_of(&column[0], gates.size_m));
+    let tensor = sums.tensor(&grid.centre_m(&column[0]));
     let eigen = tensor.eigen();
     let width_m = eigen.values.y.sqrt();
     let roughness_m = eigen.values.z.sqrt();
@@ -235,13 +235,13 @@ fn fit(
         } else {
             gates.misfit_m
         };
-    if width_m < MIN_WIDTH * gates.size_m || roughness_m > allowed_m {
+    if width_m < MIN_WIDTH * grid.size_m || roughness_m > allowed_m {
         return None;
     }
-    let axis = |i: usize| eigen.vectors.column(i).into_owned();
+    let axis = |i: usize| grid.world(&eigen.vectors.column(i).into_owned());
     let slope = |value: f64| roughness_m / (sums.count * value).sqrt();
     Some(Surfel {
-        centre_m: tensor.mean,
+        centre_m: grid.world(&tensor.mean),
         axes: [axis(2), axis(0), axis(1)],
         roughness_m,
         scatter_m: roughness_m,

@@ -3,10 +3,12 @@
 
 mod association;
 mod cells;
+mod grid;
 mod regions;
 
 pub use association::associate;
 pub use cells::{ReferenceCells, ReferencePlace};
+pub use grid::{Grid, profiles};
 
 use serde::{Deserialize, Serialize};
 
@@ -213,8 +215,6 @@ struct Tally {
 /// The limits that decide which points belong to a surfel.
 #[derive(Debug, Clone)]
 pub struct Gates {
-    /// Edge of the voxels, metres.
-    pub size_m: f64,
     /// Largest distance between scans and reference, metres.
     pub misfit_m: f64,
     /// Edge of the patches of the reference's surface errors, metres.

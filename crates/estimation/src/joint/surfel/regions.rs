@@ -1,6 +1,6 @@
 //! Regions in which scans and reference disagree.
 
-use super::{Gates, MIN_POINTS, Region, Surfel, Tally};
+use super::{MIN_POINTS, Region, Surfel, Tally};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::Vec3;
 use crate::statistics::{SIGMAS_PER_MAD, median};
@@ -15,12 +15,12 @@ const REGION_SIGMAS: f64 = 6.0;
 const LEAST_REGION_SIZES: f64 = 0.03;
 
 /// The regions in which the scans are farther from the reference than in the others.
-pub fn regions(surfels: &[Surfel], tallies: &[Tally], gates: &Gates) -> Vec<Region> {
+pub fn regions(surfels: &[Surfel], tallies: &[Tally], size_m: f64) -> Vec<Region> {
     let mut cells: VoxelMap<VoxelKey, Vec<(Vec3, f64)>> = VoxelMap::default();
     for (surfel, tally) in surfels.iter().zip(tallies) {
         if surfel.prior.is_some() && tally.near >= MIN_POINTS {
             let up = if surfel.axes[0].z < 0.0 { -1.0 } else { 1.0 };
-            let key = voxel_key(&surfel.centre_m, REGION_SIZES * gates.size_m);
+            let key = voxel_key(&surfel.centre_m, REGION_SIZES * size_m);
             let offset_m = up * tally.distance_m / tally.near;
             cells
                 .entry(key)
@@ -45,7 +45,7 @@ pub fn regions(surfels: &[Surfel], tallies: &[Tally], gates: &Gates) -> Vec<Regi
         .collect();
     let spread = median(medians.iter().map(|region| region.offset_m.abs()));
     let limit_m = spread.map_or(f64::INFINITY, |m| REGION_SIGMAS * SIGMAS_PER_MAD * m);
-    let limit_m = limit_m.max(LEAST_REGION_SIZES * gates.size_m);
+    let limit_m = limit_m.max(LEAST_REGION_SIZES * size_m);
     let off = |region: &Region| region.offset_m.abs() > limit_m;
     medians.into_iter().filter(off).collect()
 }

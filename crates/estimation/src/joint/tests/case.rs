@@ -10,7 +10,7 @@ use crate::joint::layout::{Groups, REFERENCE};
 use crate::joint::motion::Motion;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
-use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
+use crate::joint::surfel::{Association, Gates, Grid, ReferenceCells, associate};
 use crate::joint::{
     ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings,
     MountingMotion, Rung, Scans,
@@ -377,9 +377,8 @@ impl Case {
             &state.poses(),
             None,
             &state.late_s,
-            &ReferenceCells::new(&self.reference, SURFEL_M, [0.0; REFERENCE]),
+            &ReferenceCells::new(&self.reference, Grid::aligned(SURFEL_M), [0.0; REFERENCE]),
             &Gates {
-                size_m: SURFEL_M,
                 misfit_m,
                 patch_m: 0.3,
                 keyframe_steps,

@@ -4,7 +4,7 @@ use super::case::noise;
 use crate::calibration::ScannerSample;
 use crate::geometry::so3::exp;
 use crate::geometry::{BodyFromScanner, Vec3, WorldFromBody};
-use crate::joint::surfel::{Association, Gates, ReferenceCells, associate};
+use crate::joint::surfel::{Association, Gates, Grid, ReferenceCells, associate};
 use crate::joint::{CorrectedPoses, Scans};
 use crate::sensor::{PoseRecord, PoseSigma};
 use crate::surface::{Profile, ProfilePoint};
@@ -14,8 +14,13 @@ const SIZE_M: f64 = 0.05;
 const NOISE_M: f64 = 5e-4;
 const PASSES: usize = 8;
 
-/// The association of these points, which a scanner at rest sees on several passes.
+/// The association of these points, which a scanner at rest sees on several passes, with voxels along the axes.
 fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
+    associated_in(Grid::aligned(SIZE_M), passes, reference)
+}
+
+/// As [`associated`], with these voxels.
+fn associated_in(grid: Grid, passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
     let record = |time_s| PoseRecord {
         sigma: Some(PoseSigma {
             position_m: Vec3::repeat(1e-3),
@@ -48,9 +53,8 @@ fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
         &[BodyFromScanner::identity()],
         None,
         &[0.0],
-        &ReferenceCells::new(reference, SIZE_M, [0.0; 6]),
+        &ReferenceCells::new(reference, grid, [0.0; 6]),
         &Gates {
-            size_m: SIZE_M,
             misfit_m: 5e-4,
             patch_m: 0.3,
             keyframe_steps: Vec::new(),
@@ -73,7 +77,12 @@ fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
 
 /// Asserts that surfels lie on the plane, keep all of its noise and lose no points.
 fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
-    let association = associated(passes, &[]);
+    assert_whole_in(Grid::aligned(SIZE_M), passes, origin_m, normal);
+}
+
+/// As [`assert_whole`], with these voxels.
+fn assert_whole_in(grid: Grid, passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
+    let association = associated_in(grid, passes, &[]);
     // Voxels at the rim are not full.
     let is_inside = |point: &Vec3| (point - origin_m).norm() < 0.3 - 2.0 * SIZE_M;
     let points = passes.iter().flatten().filter(|point| is_inside(point));
@@ -156,6 +165,22 @@ fn tilted_planes_are_not_cut() {
             let [u, v, normal] = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| turn * axis);
             println!("{tilt_deg}° {turn_deg}°");
             assert_whole(&plane(Vec3::zeros(), u, v, 60), Vec3::zeros(), normal);
+        }
+    }
+}
+
+#[test]
+fn turned_voxels_do_not_cut_floors_and_walls() {
+    let grid = Grid::across(&[Vec3::x(), Vec3::z()], SIZE_M);
+    for [u, v] in [
+        [Vec3::x(), Vec3::y()],
+        [Vec3::y(), Vec3::z()],
+        [Vec3::z(), Vec3::x()],
+    ] {
+        for up_m in [0.0, 0.01, 0.03] {
+            let normal = u.cross(&v);
+            let origin_m = normal * up_m;
+            assert_whole_in(grid, &plane(origin_m, u, v, 60), origin_m, normal);
         }
     }
 }

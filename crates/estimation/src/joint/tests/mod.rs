@@ -6,6 +6,7 @@ mod case;
 mod columns;
 mod dense;
 mod gauss_markov;
+mod grid;
 mod jacobians;
 mod known;
 mod whole;
