@@ -37,8 +37,8 @@ fn errors_match_their_sigmas_and_are_far_below_those_of_two_steps() {
     assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
 }
 
-/// Smooth ground with a curvature of about 0.5 /m and quiet scanners: what planes leave of the ground must not look like a
-/// motion of the body.
+/// Smooth ground with a curvature of about 0.5 /m and quiet scanners: what planes leave of the ground must not look
+/// like a motion of the body.
 #[test]
 #[ignore = "just acceptance"]
 fn a_rigid_drive_over_rolling_ground_stays_rigid() {

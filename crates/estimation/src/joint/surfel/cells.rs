@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Gates, Grid, MIN_POINTS, ReferencePlane, Surfel};
 use crate::cloud::StructureTensor;
-use crate::cloud::voxel::{VoxelKey, VoxelMap};
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::so3::exp;
 use crate::geometry::{Mat3, Vec3};
 use crate::joint::layout::REFERENCE;
@@ -103,8 +103,9 @@ impl ReferenceCells {
 
 /// Adds a point of the world to its voxel.
 pub fn add(cells: &mut VoxelMap<VoxelKey, Sums>, grid: &Grid, world_m: &Vec3) {
-    let key = grid.key(world_m);
-    let offset = grid.place(world_m) - grid.centre_m(&key);
+    let placed_m = grid.place(world_m);
+    let key = voxel_key(&placed_m, grid.size_m);
+    let offset = placed_m - grid.centre_m(&key);
     cells.entry(key).or_default().add(&offset);
 }
 

@@ -15,8 +15,8 @@ const TILT: [f64; 2] = [0.15, 0.2];
 
 /// Cubic voxels, turned against the world.
 ///
-/// A plane is off from curved ground by as much as the place in its surfel says. If a profile runs along the faces of
-/// voxels, it sees all surfels at the same place: the deviations of a whole step are equal, and look like a motion of
+/// How far a plane is off from curved ground depends on the place within the surfel. A profile along the faces of the
+/// voxels sees all surfels at the same place: the deviations of a whole step are then equal, and look like a motion of
 /// the body, which contradicts the IMU. In voxels that profiles cross obliquely they average out.
 #[derive(Debug, Clone, Copy)]
 pub struct Grid {

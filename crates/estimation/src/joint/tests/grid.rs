@@ -21,7 +21,7 @@ fn profiles_cross_voxels_obliquely() {
         let grid = Grid::across(&profiles, SIZE_M);
         for profile in &profiles {
             let layers = grid.place(profile) / SIZE_M;
-            // From face to face of a voxel, with what one orientation for all directions cannot give.
+            // One orientation for up to five directions: nearly a whole voxel along each axis.
             assert!(layers.iter().all(|layers| layers.abs() > 0.8));
             assert!((grid.world(&grid.place(profile)) - profile).norm() < 1e-12);
         }
