@@ -37,7 +37,7 @@ web-frames:
 lint:
     cargo fmt --check
     cargo clippy --workspace --all-targets --features boresight/examples -- -D warnings
-    cargo clippy --no-default-features --features cli -- -D warnings
+    cargo clippy --no-default-features -p boresight-cloud -p boresight-format -- -D warnings
     RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps
 
 # Compiles with the oldest Rust that the README names, before a release or after a change of dependencies
@@ -120,8 +120,8 @@ book:
 
 # The tables of docs/project.md, made from the code
 keys:
-    BORESIGHT_WRITE=1 cargo test --release --lib project::tests::keys
-    cargo test --release --lib project::tests::keys
+    BORESIGHT_WRITE=1 cargo test -p boresight-project --lib project::tests::keys
+    cargo test -p boresight-project --lib project::tests::keys
 
 # Predicted standard deviations of the layouts of docs/field.md (some minutes each)
 field *NAMES:

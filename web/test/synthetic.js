@@ -91,7 +91,7 @@ export function writePage(path, points, moves = false) {
     reference: { of: 0, step_m: 1e-5, axes: [put([], 32), put([], 32), put([], 32)] },
     surfels: {
       size_m: 0, step_m: 1e-5, low: 0, high: 1,
-      axes: [put([], 32), put([], 32), put([], 32)], normals: [put([], 8), put([], 8), put([], 8)], roughness: put([], 8),
+      axes: [put([], 32), put([], 32), put([], 32)], normals: [put([], 8), put([], 8), put([], 8)], sizes: put([], 8), roughness: put([], 8),
     },
     places: [],
     place_radius_m: 0.2,

@@ -105,7 +105,7 @@ test('surfels of the joint adjustment lie on the surface', async () => {
       const n = surfels.normals.subarray(3 * i, 3 * i + 3);
       for (let p = 0; p < points.length; p += 3) {
         const d = [points[p] - c[0], points[p + 1] - c[1], points[p + 2] - c[2]];
-        if (Math.max(...d.map(Math.abs)) > 0.5 * surfels.sizeM) continue;
+        if (Math.max(...d.map(Math.abs)) > 0.5 * surfels.sizesM[i]) continue;
         if (Math.abs(d[0] * n[0] + d[1] * n[1] + d[2] * n[2]) < 1e-3) { near++; break; }
       }
     }

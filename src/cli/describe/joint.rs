@@ -10,8 +10,10 @@ pub(super) fn describe(lines: &mut Lines, project: &Project) {
     let size = millimetres(settings.surfel_size_m(finest.copied().unwrap_or_default()));
     let size = match (settings.surfel_m, project.has_auto_scales) {
         (Some(_), _) => size,
-        (None, true) => "ten times the finest voxel".to_owned(),
-        (None, false) => format!("{size} (ten times the finest voxel)"),
+        (None, true) => "ten times the finest voxel, half of that on rough ground".to_owned(),
+        (None, false) => {
+            format!("{size} (ten times the finest voxel), half of that on rough ground")
+        }
     };
     lines.value("size of surfels", size);
     lines.value("iterations", format!("at most {}", settings.max_iterations));

@@ -199,7 +199,7 @@ function readReference({ axes, step_m: step, of: total }, get) {
   return { positions, points: x.length, total };
 }
 
-function readSurfels({ axes, normals, step_m: step, size_m: sizeM, low, high, roughness }, get) {
+function readSurfels({ axes, normals, step_m: step, size_m: largestM, sizes, low, high, roughness }, get) {
   const [x, y, z] = axes.map(get);
   const parts = normals.map((place) => new Int8Array(get(place)));
   const [positions, directions] = [new Float64Array(3 * x.length), new Float64Array(3 * x.length)];
@@ -207,5 +207,6 @@ function readSurfels({ axes, normals, step_m: step, size_m: sizeM, low, high, ro
     [x, y, z].forEach((list, axis) => { positions[3 * i + axis] = list[i] * step; });
     parts.forEach((list, axis) => { directions[3 * i + axis] = list[i] / 127; });
   }
-  return { positions, normals: directions, points: x.length, sizeM, low, high, roughness: get(roughness) };
+  const sizesM = Float64Array.from(get(sizes), (byte) => ((byte - 1) / 254) * largestM);
+  return { positions, normals: directions, points: x.length, sizesM, low, high, roughness: get(roughness) };
 }

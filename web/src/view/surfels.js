@@ -10,8 +10,8 @@ const DRAWN = 0.86;
 export class SurfelLayer {
   /** `surfels` are those of a drive; `colours` is a table of 256 colours for the bytes of their roughness. */
   constructor(surfels, colours) {
-    const { points, positions, normals, sizeM, roughness } = surfels;
-    const plane = new PlaneGeometry(DRAWN * sizeM, DRAWN * sizeM);
+    const { points, positions, normals, sizesM, roughness } = surfels;
+    const plane = new PlaneGeometry(DRAWN, DRAWN);
     const material = new MeshBasicMaterial({ side: DoubleSide, transparent: true, opacity: 0.75, depthWrite: false });
     this.object = new InstancedMesh(plane, material, points);
     this.object.frustumCulled = false;
@@ -22,7 +22,7 @@ export class SurfelLayer {
       const normal = new Vector3(...normals.subarray(3 * i, 3 * i + 3)).normalize();
       turn.setFromUnitVectors(up, normal);
       const at = new Vector3(...positions.subarray(3 * i, 3 * i + 3));
-      this.object.setMatrixAt(i, new Matrix4().compose(at, turn, new Vector3(1, 1, 1)));
+      this.object.setMatrixAt(i, new Matrix4().compose(at, turn, new Vector3(sizesM[i], sizesM[i], 1)));
     }
     this.colour(colours);
   }

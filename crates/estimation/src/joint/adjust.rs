@@ -1,50 +1,27 @@
 //! The adjustment: points are sorted into surfels and all unknowns are adjusted, and again with tighter
 //! gates.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
-
 use super::bend::{Bends, Rung};
-use super::components::{Component, components, rescale};
 use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
 use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_contradictions, scan_contradictions};
-use super::problem::{JointProblem, LEAST_SIGMA_M};
+use super::problem::JointProblem;
 use super::result::Joint;
+use super::rounds::{Round, SCALING_SIGMAS, SETTLED_MOTION, Steps, components_at};
 use super::settings::JointSettings;
 use super::state::State;
-use super::surfel::{Association, Gates, Grid, ReferenceCells, associate, profiles};
-use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
-use crate::calibration::observability::LEVER_M;
+use super::surfel::{Association, Gates, Grid, LEAST_SIGMA_M, ReferenceCells, associate, profiles};
+use crate::adjustment::StopReason;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
 /// Edge of the patches of the reference's surface errors, in sizes of a surfel.
 const PATCH_SIZES: f64 = 6.0;
-/// The scales of noise have settled if they change by less than this share.
-const SETTLED_SCALE: f64 = 0.1;
-/// The parameters of the motion in time have settled if they change by less than this; see [`learn`].
-const SETTLED_MOTION: f64 = 0.3;
-/// Size of the surfels with dense knots, as a share of the usual size: a random motion along the ground shows only at
-/// slopes, and small surfels have steeper slopes.
-const DENSE_SHARE: f64 = 0.72;
-/// Most times that the noise is estimated in the last round.
-const MAX_SCALINGS: usize = 3;
 /// Fewest surfels that lie on the reference or are seen twice.
 const MIN_SURFELS: usize = 50;
-/// A parameter with a larger standard deviation is not determined, metres; rotations are converted by
-/// [`LEVER_M`].
-const MAX_SIGMA_M: f64 = 0.010;
-/// Length of the last step, standard deviations, before the noise is estimated again.
-const SCALING_SIGMAS: f64 = 0.5;
-/// The same with knots, whose standard deviations are then estimated again too: this moves mountings much and
-/// residuals little.
-const LEARNING_SIGMAS: f64 = 2.0;
-/// Length of the last step at the end, standard deviations. Because steps become shorter by a factor of two or more,
-/// no unknown is then off by more than this.
-const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
 
@@ -53,14 +30,6 @@ const MAX_ROUNDS: usize = 10;
 const MAX_FACTOR_ENTRIES: usize = 350_000_000;
 /// Most steps from one keyframe to the next.
 const MAX_KEYFRAME_STEPS: usize = 64;
-
-/// As for the trajectory alone, except for the allowed rise of the cost: derivatives of poses between nodes
-/// are accurate to a hundredth, so the gradient does not vanish exactly at the least cost. A rise of 1e-5 is
-/// a step of a fraction of a standard deviation.
-pub const DAMPING: DampingRule = DampingRule {
-    rounding: 1e-5,
-    ..DampingRule::UNDAMPED
-};
 
 /// The outcome of an adjustment.
 pub enum Outcome {
@@ -103,7 +72,13 @@ pub fn at_rung(
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let grid = Grid::across(&profiles(input), surfel_m);
-    let mut reference = ReferenceCells::new(input.reference, grid, state.reference);
+    let cells = |sizes_m: &[f64], moved| {
+        let of_size =
+            |size_m: &f64| ReferenceCells::new(input.reference, grid.with_size(*size_m), moved);
+        sizes_m.iter().map(of_size).collect::<Vec<_>>()
+    };
+    let (mut round, mut again, mut sizes_m) = (Round::Coarse, false, vec![surfel_m]);
+    let mut references = cells(&sizes_m, state.reference);
     let (mut groups, mut held) = (Groups::new(input), Vec::new());
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
@@ -111,14 +86,13 @@ pub fn at_rung(
         shared: None,
         progress,
     };
-    let (mut round, mut again, mut size_m) = (Round::Coarse, false, surfel_m);
     let mut keyframe_steps = vec![1; input.mountings.len()];
     for repeat in 1..=MAX_ROUNDS {
         progress.check()?;
         let mut problem = loop {
             let gates = Gates {
-                misfit_m: round.misfit_share() * size_m,
-                patch_m: PATCH_SIZES * size_m,
+                misfit_m: round.misfit_share() * sizes_m[0],
+                patch_m: PATCH_SIZES * sizes_m[0],
                 keyframe_steps: keyframe_steps.clone(),
             };
             let (poses, bends, late_s) = (state.poses(), state.bends.as_ref(), &state.late_s);
@@ -133,7 +107,7 @@ pub fn at_rung(
                         &poses,
                         bends,
                         late_s,
-                        &reference,
+                        &references,
                         &gates,
                     )
                 },
@@ -183,11 +157,12 @@ pub fn at_rung(
         let before = state.clone();
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
         if may_climb && !again {
-            let components = components_at(&mut problem, &state)?;
-            progress.advance(1);
-            let mut reasons = imu_contradictions(&problem, &state, &components, EVIDENT_TO_IMU);
-            if round == Round::Fine {
-                reasons.extend(scan_contradictions(&problem, &state, EVIDENT_TO_SCANS));
+            let mut reasons = evident(&mut problem, &state, round, progress)?;
+            if !reasons.is_empty() && round == Round::Coarse {
+                // On ground that the surfels do not follow, scans are noisier than assumed.
+                problem.guess_noise(&state);
+                steps.settle(&mut problem, &mut state, SCALING_SIGMAS)?;
+                reasons = evident(&mut problem, &state, round, progress)?;
             }
             if !reasons.is_empty() {
                 return Ok(Outcome::Contradicted(reasons));
@@ -200,11 +175,11 @@ pub fn at_rung(
             learn(&problem, &mut state);
         }
         if round == Round::Fine {
-            stop = steps.weigh_and_settle(&mut problem, &mut state)?;
+            stop = steps.weigh_and_settle(&mut problem, &mut state, !again)?;
         }
-        let reference_m =
-            Vec3::from_column_slice(&reference.place.remaining(&state.reference)[..3]);
-        let moved_m = problem.moved_m(&before, &state).max(reference_m.norm());
+        let remaining = references[0].place.remaining(&state.reference);
+        let reference_m = Vec3::from_column_slice(&remaining[..3]).norm();
+        let moved_m = problem.moved_m(&before, &state).max(reference_m);
         let settled = moved_m < round.move_share() * surfel_m;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
             if stop != StopReason::Converged {
@@ -219,14 +194,7 @@ pub fn at_rung(
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let joint = conclude(
-                &problem,
-                &state,
-                &components,
-                stop,
-                steps.iterations,
-                size_m,
-            )?;
+            let joint = conclude(&problem, &state, &components, stop, steps.iterations)?;
             return Ok(Outcome::Found(Box::new(joint)));
         }
         (groups, held) = (problem.groups, problem.held);
@@ -234,139 +202,29 @@ pub fn at_rung(
         if settled {
             round = Round::Fine;
         }
-        let next_m = round.size_share(rung) * surfel_m;
-        if next_m != size_m || reference_m.norm() > LEAST_SIGMA_M {
-            size_m = next_m;
-            let grid = grid.with_size(size_m);
-            reference = ReferenceCells::new(input.reference, grid, state.reference);
+        let next_m = round.sizes_m(rung, surfel_m, settings.surfel_m.is_some());
+        if next_m != sizes_m || reference_m > LEAST_SIGMA_M {
+            sizes_m = next_m;
+            references = cells(&sizes_m, state.reference);
         }
     }
     Err(not_determined())
 }
 
-/// A round sorts the points into surfels and adjusts all unknowns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Round {
-    /// Starts from the result of two steps.
-    Coarse,
-    /// Starts from the result of an adjustment; the noise is estimated.
-    Fine,
-}
-
-impl Round {
-    /// Size of its surfels, as a share of the usual size.
-    fn size_share(self, rung: Rung) -> f64 {
-        match (self, rung) {
-            (Self::Fine, Rung::DenseKnots) => DENSE_SHARE,
-            _ => 1.0,
-        }
+/// What contradicts the model evidently, so that it is left before it has settled.
+fn evident(
+    problem: &mut JointProblem<'_>,
+    state: &State,
+    round: Round,
+    progress: &dyn Progress,
+) -> Result<Vec<String>> {
+    let components = components_at(problem, state)?;
+    progress.advance(1);
+    let mut reasons = imu_contradictions(problem, state, &components, EVIDENT_TO_IMU);
+    if round == Round::Fine {
+        reasons.extend(scan_contradictions(problem, state, EVIDENT_TO_SCANS));
     }
-
-    /// Largest distance between scans and reference, as a share of a surfel's size.
-    fn misfit_share(self) -> f64 {
-        match self {
-            Self::Coarse => 0.12,
-            Self::Fine => 0.02,
-        }
-    }
-
-    /// Length of the last step, standard deviations, before points are sorted again, or the noise is estimated
-    /// again.
-    fn settled_sigmas(self) -> f64 {
-        match self {
-            Self::Coarse => 5.0,
-            Self::Fine => SCALING_SIGMAS,
-        }
-    }
-
-    /// Largest displacement of points, as a share of the usual size of a surfel. A round that moves them by more is
-    /// repeated, because they then belong to other surfels.
-    fn move_share(self) -> f64 {
-        match self {
-            Self::Coarse => 0.1,
-            Self::Fine => 0.02,
-        }
-    }
-}
-
-/// The steps of all rounds.
-struct Steps<'a> {
-    max_iterations: usize,
-    iterations: usize,
-    /// Covariance of the blocks that couple with everything, from the last estimate of the noise.
-    shared: Option<DMatrix<f64>>,
-    progress: &'a dyn Progress,
-}
-
-impl Steps<'_> {
-    /// Takes steps until one is shorter than `sigmas` standard deviations.
-    fn settle(
-        &mut self,
-        problem: &mut JointProblem<'_>,
-        state: &mut State,
-        sigmas: f64,
-    ) -> Result<StopReason> {
-        let most = self.max_iterations.saturating_sub(self.iterations).max(1);
-        let ended = levenberg_marquardt(problem, state, DAMPING, most, sigmas, self.progress)?;
-        self.iterations += ended.iterations;
-        Ok(ended.stop)
-    }
-
-    /// Alternates steps with estimates of the noise, of the motion of mountings, and of the trust in rows.
-    fn weigh_and_settle(
-        &mut self,
-        problem: &mut JointProblem<'_>,
-        state: &mut State,
-    ) -> Result<StopReason> {
-        problem.raise_noise(state);
-        let sigmas = if problem.layout.knots.is_empty() {
-            SCALING_SIGMAS
-        } else {
-            LEARNING_SIGMAS
-        };
-        for scaling in 1.. {
-            let components = components_at(problem, state)?;
-            self.progress.advance(1);
-            let learned = learn(problem, state);
-            // Dense knots follow a jump, which cannot be told from their own motion.
-            let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
-            let jumped = slow.is_some_and(Bends::restart);
-            self.shared = problem.shared_covariance();
-            problem.judge_by(self.shared.as_ref());
-            let change = rescale(problem, &components);
-            if self.hold(problem) {
-                // Residuals show nothing about trust before the mountings are back at their start values.
-                self.settle(problem, state, SCALING_SIGMAS)?;
-            }
-            problem.find_trust(state);
-            let is_settled = change < SETTLED_SCALE && learned < SETTLED_MOTION && !jumped;
-            if scaling == MAX_SCALINGS || is_settled {
-                break;
-            }
-            self.settle(problem, state, sigmas)?;
-        }
-        self.settle(problem, state, SETTLED_SIGMAS)
-    }
-
-    /// Holds the directions that nothing determines at their start values; returns whether there are new
-    /// ones.
-    fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
-        if !problem.held.is_empty() {
-            return false;
-        }
-        problem.held = undetermined(problem, self.shared.as_ref());
-        if !problem.held.is_empty() {
-            problem.judge_by(None);
-        }
-        !problem.held.is_empty()
-    }
-}
-
-/// The variance components of all groups at a state; the problem then holds the factor at this state or at one
-/// nearby.
-fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
-    problem.factorise_near(state).ok_or_else(not_determined)?;
-    Ok(components(problem, state))
+    Ok(reasons)
 }
 
 /// Keyframe intervals with half as many keyframes of the scanner with the most rows; `None` if it has few
@@ -438,41 +296,6 @@ fn check_overlap(input: &JointInput<'_>, association: &Association) -> Result<()
         }
     }
     Ok(())
-}
-
-/// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
-/// [`MAX_SIGMA_M`]. Without a reference and with a lever arm that is estimated, the common height is
-/// one of them: its standard deviation is then that of the prior of the lever arm.
-fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
-    let count = 6 * problem.input.mountings.len();
-    let Some(shared) = shared else {
-        return Vec::new();
-    };
-    let first = shared.nrows() - count;
-    let scale = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M };
-    // The unknowns are (δφ, δp).
-    let place = |i: usize| first + 6 * (i / 6) + (i + 3) % 6;
-    let scaled = DMatrix::from_fn(count, count, |i, j| {
-        shared[(place(i), place(j))] * scale(i) * scale(j)
-    });
-    let eigen = SymmetricEigen::new(scaled);
-    let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
-        .filter_map(|k| {
-            let direction = eigen.eigenvectors.column(k);
-            let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
-            (sigma_m * direction.amax() > MAX_SIGMA_M).then(|| {
-                (
-                    sigma_m,
-                    DVector::from_fn(count, |i, _| direction[i] * scale(i)),
-                )
-            })
-        })
-        .collect();
-    directions.sort_by(|a, b| b.0.total_cmp(&a.0));
-    directions
-        .into_iter()
-        .map(|(_, direction)| direction)
-        .collect()
 }
 
 /// The start values. Constants that drives share start at the values of the first drive.

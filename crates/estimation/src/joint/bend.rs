@@ -376,8 +376,8 @@ fn difference(load: &[f64; LOADS], mean: &[f64; LOADS]) -> [f64; LOADS] {
 /// Times of nodes of a motion at least `spacing_s` apart, both ends included; no row extends across a knot.
 fn knot_times(motion: &dyn Motion, spacing_s: f64) -> Vec<f64> {
     let ends = (0..motion.steps()).map(|step| {
-        let poses = motion.poses(step).knots;
-        [poses[0].time_s, poses[poses.len() - 1].time_s]
+        let knots = &motion.poses(step).knots;
+        [knots[0].time_s, knots[knots.len() - 1].time_s]
     });
     let ends: Vec<[f64; 2]> = ends.collect();
     let mut times = vec![ends[0][0]];

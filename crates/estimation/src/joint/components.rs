@@ -14,7 +14,7 @@ const MIN_REDUNDANCY: f64 = 30.0;
 const PROBE_SIGMAS: f64 = 4.0;
 
 /// Largest Newton step in ln s² (ln 4), unless the noise itself is larger by more.
-const MAX_STEP: f64 = 1.386;
+pub const MAX_STEP: f64 = 1.386;
 /// Largest exponent n/r of a step: with little redundancy, r falls with the scale, and the full step overshoots.
 const MAX_EXPONENT: f64 = 3.0;
 
@@ -27,6 +27,8 @@ pub struct Component {
     pub chi_square: f64,
     /// Redundancy: the number of rows that check the others.
     pub redundancy: f64,
+    /// Sum of the squares of the rows' redundancies.
+    pub squares: f64,
 }
 
 impl Component {
@@ -43,12 +45,22 @@ impl Component {
         self.redundancy > MIN_REDUNDANCY.max(PROBE_SIGMAS * probe_sigma)
     }
 
+    /// The factor on the standard deviation by a Newton step in ln s² of at least `least`, for this ratio of the squares of
+    /// residuals to those expected. The redundancies change with the scale, ∂ ln(Ω/r) / ∂ ln s² = −Σ rᵢ² / Σ rᵢ to first
+    /// order over the redundancies rᵢ of rows that do not share unknowns.
+    pub fn newton(&self, ratio: f64, least: f64) -> f64 {
+        let exponent = (self.redundancy / self.squares).clamp(1.0, MAX_EXPONENT);
+        let most = ratio.ln().max(MAX_STEP);
+        (0.5 * (ratio.ln() * exponent).clamp(least, most)).exp()
+    }
+
     /// Both groups together.
     pub fn and(&self, other: &Self) -> Self {
         Self {
             rows: self.rows + other.rows,
             chi_square: self.chi_square + other.chi_square,
             redundancy: self.redundancy + other.redundancy,
+            squares: self.squares + other.squares,
         }
     }
 }
@@ -98,21 +110,25 @@ pub fn components(problem: &JointProblem<'_>, state: &State) -> Vec<Component> {
     factor.solve(&mut sides, PROBES);
     each_row(problem, factored, |number, row, places| {
         let root = row.weight.sqrt();
-        let mut trace = 0.0;
+        // Of the probes with even and with odd numbers.
+        let mut halves = [0.0; 2];
         for (probe, side) in sides.chunks_exact(unknowns).enumerate() {
             let terms = places
                 .iter()
                 .zip(row.by)
                 .map(|(place, by)| side[*place] * by);
-            trace += sign(probe, number) * root * terms.sum::<f64>();
+            halves[probe % 2] += sign(probe, number) * root * terms.sum::<f64>();
         }
         let component = &mut all[row.group];
         if row.weight > 0.0 {
             component.rows += 1;
-            component.redundancy += 1.0 - trace / PROBES as f64;
+            let [a, b] = halves.map(|leverage| 1.0 - 2.0 * leverage / PROBES as f64);
+            component.redundancy += 0.5 * (a + b);
+            // The errors of both are independent.
+            component.squares += a * b;
         }
     });
-    problem.visit(state, |batch| {
+    problem.visit_residuals(state, |batch| {
         for row in batch.rows() {
             all[row.group].chi_square += row.weight * row.residual * row.residual;
         }
@@ -134,11 +150,8 @@ pub fn rescale(problem: &mut JointProblem<'_>, components: &[Component]) -> f64 
     let (mut rows, mut squares) = (0.0, 0.0);
     for (group, component) in components.iter().enumerate() {
         if problem.groups.is_estimated(group) && component.is_redundant() {
-            let ratio = (component.chi_square / component.redundancy).ln();
-            let most = ratio.max(MAX_STEP);
-            let exponent = component.rows as f64 / component.redundancy;
-            let newton = ratio * exponent.min(MAX_EXPONENT);
-            let factor = (0.5 * newton.clamp(least, most)).exp();
+            let ratio = component.chi_square / component.redundancy;
+            let factor = component.newton(ratio, least);
             problem.groups.scale[group] *= factor;
             rows += component.rows as f64;
             squares += component.rows as f64 * (factor - 1.0).powi(2);

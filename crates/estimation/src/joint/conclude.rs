@@ -30,7 +30,6 @@ pub fn conclude(
     components: &[Component],
     stop: StopReason,
     iterations: usize,
-    surfel_m: f64,
 ) -> Result<Joint> {
     let factor = problem.factor().ok_or_else(not_determined)?;
     let factored = problem.factored().unwrap_or(state);
@@ -185,19 +184,19 @@ pub fn conclude(
             .map(|d| d.rows.len())
             .sum(),
         surfels: problem.association.surfels.len(),
-        planes: planes(&problem.association.surfels, &state.shapes, surfel_m),
+        planes: planes(&problem.association.surfels, &state.shapes),
         unknowns: problem.unknowns(),
     })
 }
 
 /// The planes of surfels with their offsets and slopes (a, b, c): a + b u + c v along the normal.
-fn planes(surfels: &[Surfel], shapes: &[Vec3], size_m: f64) -> Vec<SurfelPlane> {
+fn planes(surfels: &[Surfel], shapes: &[Vec3]) -> Vec<SurfelPlane> {
     let all = surfels.iter().zip(shapes).map(|(surfel, shape)| {
         let [normal, u, v] = surfel.axes;
         SurfelPlane {
             centre_m: surfel.centre_m + shape.x * normal,
             normal: (normal - shape.y * u - shape.z * v).normalize(),
-            size_m,
+            size_m: surfel.size_m,
             roughness_m: surfel.roughness_m,
         }
     });

@@ -3,18 +3,21 @@
 
 use rayon::prelude::*;
 
+use super::components::{Component, MAX_STEP};
 use super::motion::Motion;
 use super::priors::SURFEL_SIGMA;
 use super::problem::JointProblem;
 use super::row::{row_trust, surfel_trust};
 use super::scan::{Mean, StepScans};
 use super::state::State;
-use super::surfel::ScanRow;
+use super::surfel::{RowPoint, ScanRow};
 use crate::geometry::{Mat3, Vec3};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// If residuals exceed their standard deviations by this factor, their noise is far from known.
 const FAR_LARGER: f64 = 2.0;
+/// Fewest residuals whose median says something about the noise: it is then known to 20 %.
+const MIN_RESIDUALS: usize = 30;
 
 impl JointProblem<'_> {
     /// Evaluates a function of the mean of each row of each drive at a state, in the order of the rows.
@@ -23,6 +26,23 @@ impl JointProblem<'_> {
         state: &State,
         evaluate: impl Fn(usize, &ScanRow, &Mean) -> T + Sync,
     ) -> Vec<T> {
+        self.each_row(state, |drive, row, points, scans| {
+            evaluate(drive, row, &scans.mean(row, points, row.depth_m))
+        })
+    }
+
+    /// As [`Self::each_mean`], of the residual of each row in standard deviations.
+    fn each_residual(&self, state: &State) -> Vec<f64> {
+        self.each_row(state, |drive, row, points, scans| {
+            scans.residual_m(row, points, row.depth_m) / self.noise(state, drive, row).1
+        })
+    }
+
+    fn each_row<T: Send>(
+        &self,
+        state: &State,
+        evaluate: impl Fn(usize, &ScanRow, &[RowPoint], &StepScans<'_>) -> T + Sync,
+    ) -> Vec<T> {
         let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
         let of_drive = |(drive, motion): (usize, &dyn Motion)| {
             let context = self.scan_context(drive, state);
@@ -30,14 +50,8 @@ impl JointProblem<'_> {
                 let poses = motion.poses(step);
                 let rows = context.rows.of_step(step);
                 let scans = StepScans::new(&context, &poses, rows);
-                let mean = |row| {
-                    evaluate(
-                        drive,
-                        row,
-                        &scans.mean(row, context.rows.points_of(row), row.depth_m),
-                    )
-                };
-                rows.iter().map(mean).collect::<Vec<T>>()
+                let of_row = |row| evaluate(drive, row, context.rows.points_of(row), &scans);
+                rows.iter().map(of_row).collect::<Vec<T>>()
             };
             let steps = (0..motion.steps()).into_par_iter();
             steps.map(of_step).collect::<Vec<_>>()
@@ -61,31 +75,57 @@ impl JointProblem<'_> {
         }
     }
 
-    /// Raises the noise of groups of scan rows whose residuals are far larger, by the medians of these: the
-    /// scanner is then much noisier than the roughness of the surface.
-    pub fn raise_noise(&mut self, state: &State) {
-        let residuals = self.each_mean(state, |drive, row, mean| {
-            let (group, sigma_m) = self.noise(state, drive, row);
-            (group, (mean.residual_m / sigma_m).abs())
-        });
-        let mut by_group = vec![Vec::new(); self.groups.names.len()];
-        for (group, residual) in residuals {
-            by_group[group].push(residual);
+    /// Estimates the noise of groups of scan rows from the medians of their residuals, and returns whether any has
+    /// changed: a start for the estimate by variance components, which approaches a noise that is far off only slowly.
+    /// A surfel takes three of its rows to itself.
+    ///
+    /// With knots the noise only rises, as in [`rescale`](super::components::rescale).
+    pub fn guess_noise(&mut self, state: &State) -> bool {
+        let mut rows = vec![0_u32; self.association.surfels.len()];
+        for row in self.association.rows() {
+            rows[row.surfel as usize] += 1;
         }
-        for (group, residuals) in by_group.into_iter().enumerate() {
-            let factor = SIGMAS_PER_MAD * median(residuals).unwrap_or(0.0);
-            if factor > FAR_LARGER {
-                self.groups.scale[group] *= factor;
-                self.forget_factor();
+        let mut residuals = self.each_residual(state).into_iter();
+        let mut by_group = vec![(Vec::new(), Component::default()); self.groups.names.len()];
+        for (drive, all) in self.association.drives.iter().enumerate() {
+            for (row, residual) in all.rows.iter().zip(residuals.by_ref()) {
+                let prior = &self.association.surfels[row.surfel as usize].prior;
+                let seen = rows[row.surfel as usize] + prior.as_ref().map_or(0, |_| 3);
+                let redundancy = 1.0 - 3.0 / f64::from(seen);
+                if redundancy > 0.0 {
+                    let (group, _) = self.noise(state, drive, row);
+                    let (residuals, component) = &mut by_group[group];
+                    residuals.push(residual.abs() / redundancy.sqrt());
+                    component.redundancy += redundancy;
+                    component.squares += redundancy * redundancy;
+                }
             }
         }
+        let least = if self.layout.knots.is_empty() {
+            0.0
+        } else {
+            FAR_LARGER
+        };
+        let mut has_changed = false;
+        for (group, (residuals, component)) in by_group.into_iter().enumerate() {
+            let is_known = residuals.len() >= MIN_RESIDUALS;
+            let sigmas = SIGMAS_PER_MAD * median(residuals).unwrap_or(0.0);
+            if is_known && sigmas > least {
+                let ratio = sigmas * sigmas;
+                let factor = component.newton(ratio, ratio.ln().min(-MAX_STEP));
+                self.groups.scale[group] *= factor;
+                has_changed = true;
+            }
+        }
+        if has_changed {
+            self.forget_factor();
+        }
+        has_changed
     }
 
     /// Computes the trust in each scan row from its residual at a state and from those of its surfel.
     pub fn find_trust(&mut self, state: &State) {
-        let residuals = self.each_mean(state, |drive, row, mean| {
-            mean.residual_m / self.noise(state, drive, row).1
-        });
+        let residuals = self.each_residual(state);
         // Sums of squares and degrees of freedom.
         let surfels = self.association.surfels.iter().zip(&state.shapes);
         let mut by_surfel: Vec<(f64, f64)> = surfels

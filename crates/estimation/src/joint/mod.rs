@@ -24,6 +24,7 @@ mod pattern;
 mod priors;
 mod problem;
 mod result;
+mod rounds;
 mod row;
 mod scan;
 mod score;

@@ -147,7 +147,7 @@ impl LeastSquares for JointProblem<'_> {
 
     fn cost(&self, state: &State) -> f64 {
         let mut sum = 0.0;
-        self.visit(state, |batch| sum += batch.cost());
+        self.visit_residuals(state, |batch| sum += batch.cost());
         sum
     }
 

@@ -3,10 +3,10 @@
 use super::bend::BENDING;
 use super::layout::{REFERENCE, UP};
 use super::motion::rows_together;
-use super::problem::{JointProblem, LEAST_SIGMA_M};
+use super::problem::JointProblem;
 use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
-use super::surfel::{ReferencePlane, Surfel};
+use super::surfel::{LEAST_SIGMA_M, ReferencePlane, Surfel};
 use crate::calibration::Mounting;
 use crate::calibration::parameters::{change, euler_jacobian_body};
 use crate::geometry::Vec3;
@@ -31,6 +31,8 @@ pub struct ReferenceRow {
     pub residual: f64,
     /// Inverse standard deviation.
     pub weight: f64,
+    /// Derivatives of the difference by (a, b, c).
+    pub by_shape: [f64; 3],
     /// Derivatives of the reference's value by the error of the whole reference.
     pub by_error: [f64; REFERENCE],
 }
@@ -49,9 +51,15 @@ impl JointProblem<'_> {
         let place = &self.association.reference;
         let arm = surfel.centre_m - place.centre_m;
         let remaining = place.remaining(&state.reference);
+        let [x, y, z, turn @ ..] = remaining;
+        let moved_m = Vec3::new(x, y, z) + Vec3::from(turn).cross(&arm);
+        // The offset is the height of the reference's mean point, which moves along the surfel too: as for the mean of
+        // scanned points, the plane of the surfel is then taken at another place. Without this, a shift of reference and
+        // scans together along a board would seem to part them by their difference in slope, which is only noise.
+        let across = normal - u_axis * shape.y - v_axis * shape.z;
         // Derivatives of the offset and slopes of the reference's plane by its shift and rotation.
         let by_error = [
-            (normal, arm.cross(&normal)),
+            (across, arm.cross(&across)),
             (Vec3::zeros(), u_axis.cross(&normal)),
             (Vec3::zeros(), v_axis.cross(&normal)),
         ];
@@ -64,9 +72,16 @@ impl JointProblem<'_> {
                 value += state.patches[prior.patch as usize];
             }
             let weight = 1.0 / (prior.sigma[i] * scale).hypot(LEAST_PLANE_SIGMA[i]);
+            let mut by_shape = [0.0; 3];
+            if i == 0 {
+                by_shape = [1.0, u_axis.dot(&moved_m), v_axis.dot(&moved_m)];
+            } else {
+                by_shape[i] = 1.0;
+            }
             ReferenceRow {
                 residual: (shape[i] - value) * weight,
                 weight,
+                by_shape,
                 by_error,
             }
         })
@@ -95,10 +110,8 @@ impl JointProblem<'_> {
             let rows = self.reference_rows(surfel, prior, shape, state);
             for (i, row) in rows.iter().enumerate() {
                 let w = row.weight;
-                let mut by = [0.0; 3];
-                by[i] = w;
                 batch.begin(group, 1.0, row.residual);
-                batch.touch(block, &by);
+                batch.touch(block, &row.by_shape.map(|x| x * w));
                 if i == 0 && self.surface_m > 0.0 {
                     batch.touch(self.layout.first_patch + prior.patch as usize, &[-w]);
                 }

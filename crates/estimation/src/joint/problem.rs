@@ -10,7 +10,7 @@ use super::row::{HELD_SIGMA, Row, RowBatch};
 use super::scan::{self, ScanBlocks, ScanContext};
 use super::settings::JointSettings;
 use super::state::State;
-use super::surfel::{Association, CLASSES, COVERAGES, ScanRow};
+use super::surfel::{Association, CLASSES, COVERAGES, LEAST_SIGMA_M, ScanRow};
 use crate::adjustment::{BlockPattern, SparseFactor, SparseSystem};
 use crate::calibration::parameters::moved;
 use crate::geometry::Vec3;
@@ -29,8 +29,6 @@ const START_SIGMA: f64 = 0.02;
 /// Deviation of a narrow strip of points from the plane that does not average out over its points, as a
 /// share of the surfel's roughness.
 const STRIP_SHARE: f64 = 0.5;
-/// Least standard deviation of a row and of the reference's offset, metres.
-pub const LEAST_SIGMA_M: f64 = 1e-5;
 
 /// The problem for one association of points with surfels.
 pub struct JointProblem<'a> {
@@ -212,11 +210,21 @@ impl<'a> JointProblem<'a> {
         self.visit_with(state, &self.layout.late, visit);
     }
 
+    /// As [`Self::visit`], without derivatives.
+    pub fn visit_residuals(&self, state: &State, visit: impl FnMut(&RowBatch)) {
+        self.visit_batches(state, &self.layout.late, RowBatch::of_residuals, visit);
+    }
+
     /// As [`Self::visit`], with `late` as the blocks of the scanners' latencies.
-    pub fn visit_with(
+    pub fn visit_with(&self, state: &State, late: &[Option<usize>], visit: impl FnMut(&RowBatch)) {
+        self.visit_batches(state, late, RowBatch::default, visit);
+    }
+
+    fn visit_batches(
         &self,
         state: &State,
         late: &[Option<usize>],
+        empty: fn() -> RowBatch,
         mut visit: impl FnMut(&RowBatch),
     ) {
         for drive in 0..self.input.drives.len() {
@@ -233,7 +241,7 @@ impl<'a> JointProblem<'a> {
                 let batches: Vec<RowBatch> = held
                     .par_chunks(TASK)
                     .map(|steps| {
-                        let mut batch = RowBatch::default();
+                        let mut batch = empty();
                         for &step in steps {
                             motion.rows(step, &places, &mut batch);
                             if step < motion.steps() {
@@ -247,7 +255,7 @@ impl<'a> JointProblem<'a> {
                 batches.iter().for_each(&mut visit);
             }
         }
-        let mut batch = RowBatch::default();
+        let mut batch = empty();
         self.surface(state, &mut batch);
         self.bending(state, &mut batch);
         self.assumed(state, &mut batch);

@@ -9,6 +9,7 @@ pub struct RowBatch {
     heads: Vec<Head>,
     blocks: Vec<u32>,
     by: Vec<f64>,
+    is_without_derivatives: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +80,19 @@ pub struct Row<'a> {
 }
 
 impl RowBatch {
+    /// A batch that drops derivatives.
+    pub fn of_residuals() -> Self {
+        Self {
+            is_without_derivatives: true,
+            ..Self::default()
+        }
+    }
+
+    /// Whether it keeps derivatives; factors need not compute them otherwise.
+    pub fn has_derivatives(&self) -> bool {
+        !self.is_without_derivatives
+    }
+
     /// Begins a row without derivatives.
     pub fn begin(&mut self, group: usize, weight: f64, residual: f64) {
         self.heads.push(Head {
@@ -102,8 +116,10 @@ impl RowBatch {
 
     /// Adds the derivatives of the last row by one block.
     pub fn touch(&mut self, block: usize, by: &[f64]) {
-        self.blocks.push(block as u32);
-        self.by.extend_from_slice(by);
+        if self.has_derivatives() {
+            self.blocks.push(block as u32);
+            self.by.extend_from_slice(by);
+        }
     }
 
     /// The rows in their order.

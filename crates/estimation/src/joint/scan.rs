@@ -57,6 +57,11 @@ pub struct Mean {
 /// relief to scale.
 const LEAST_DEPTH_M: f64 = 0.05;
 
+/// Whether the residual of a row is multiplied by d₀/d, given both.
+fn is_scaled(depth_m: f64, now_m: f64) -> bool {
+    depth_m.abs() > LEAST_DEPTH_M && now_m * depth_m > 0.0
+}
+
 impl Mean {
     /// Multiplies by d₀/d, given the derivatives of d by the mounting and by the latency.
     fn scale(&mut self, depth_m: f64, by_mounting: &[f64; 6], by_late: f64) {
@@ -90,6 +95,23 @@ struct Profile {
     causes: [f64; CAUSES],
     /// Share of the later knot of its mounting; zero without knots.
     next_share: f64,
+}
+
+impl Profile {
+    /// The number of laser points that these points of the profile represent, and the sum of their arms R_bs x_s, body.
+    fn arms(&self, points: &[RowPoint]) -> (f64, Vec3) {
+        let mut arms = Vec3::zeros();
+        for point in points {
+            arms += self.scanner_rotation * point.position_m * point.weight;
+        }
+        (points.iter().map(|point| point.weight).sum(), arms)
+    }
+
+    /// The sum of `n` points relative to `origin_m`, world, given the sum of their arms.
+    fn placed(&self, n: f64, arms: &Vec3, origin_m: &Vec3) -> Vec3 {
+        let levers = arms + self.scanner_translation_m * n;
+        self.rotation * levers + (self.translation_m - origin_m) * n
+    }
 }
 
 fn six(a: Vec3, b: Vec3) -> [f64; 6] {
@@ -202,6 +224,38 @@ impl<'a> StepScans<'a> {
         from.translation_m + from.rotation * in_body
     }
 
+    /// The residual of a row as in [`Self::mean`], without derivatives, metres; `depth_m` is d₀.
+    pub fn residual_m(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> f64 {
+        let scanner = row.scanner as usize;
+        let surfel = &self.context.surfels[row.surfel as usize];
+        let (mut sum, mut arms) = (Vec3::zeros(), Vec3::zeros());
+        let count: f64 = points.iter().map(|point| point.weight).sum();
+        for group in points.chunk_by(|a, b| a.profile == b.profile) {
+            let pose = self.profile(scanner, group[0].profile);
+            let (n, arm) = pose.arms(group);
+            arms += arm;
+            sum += pose.placed(n, &arm, &surfel.centre_m);
+        }
+        let (mean, arm) = (sum / count, arms / count);
+        let residual_m = self.height_m(row, &mean);
+        let pose = self.profile(scanner, points[points.len() / 2].profile);
+        let now_m = pose.rotation.tr_mul(&surfel.axes[0]).dot(&arm);
+        if is_scaled(depth_m, now_m) {
+            residual_m * (depth_m / now_m)
+        } else {
+            residual_m
+        }
+    }
+
+    /// The height of a point above the plane of a row's surfel, given relative to the surfel's centre, metres:
+    /// h − (a + b u + c v).
+    fn height_m(&self, row: &ScanRow, point_m: &Vec3) -> f64 {
+        let [normal, u_axis, v_axis] = &self.context.surfels[row.surfel as usize].axes;
+        let shape = &self.context.shapes[row.surfel as usize];
+        let (u, v) = (u_axis.dot(point_m), v_axis.dot(point_m));
+        normal.dot(point_m) - (shape.x + shape.y * u + shape.z * v)
+    }
+
     /// The mean of a row; `depth_m` is d₀.
     pub fn mean(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> Mean {
         let scanner = row.scanner as usize;
@@ -212,13 +266,13 @@ impl<'a> StepScans<'a> {
         let direction = normal - u_axis * shape.y - v_axis * shape.z;
         let (mean, arm, mut row_mean) = self.along(scanner, &direction, &surfel.centre_m, points);
         let (u, v) = (u_axis.dot(&mean), v_axis.dot(&mean));
-        row_mean.residual_m = normal.dot(&mean) - (shape.x + shape.y * u + shape.z * v);
+        row_mean.residual_m = self.height_m(row, &mean);
         row_mean.by_shape = [-1.0, -u, -v];
         // The pose of the middle profile is enough for the derivative of the depth, the factor of a small residual.
         let pose = self.profile(scanner, points[points.len() / 2].profile);
         let in_body = pose.rotation.tr_mul(normal);
         row_mean.depth_m = in_body.dot(&arm);
-        if depth_m.abs() > LEAST_DEPTH_M && row_mean.depth_m * depth_m > 0.0 {
+        if is_scaled(depth_m, row_mean.depth_m) {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
             let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
             row_mean.scale(depth_m, &moment, by_late);
@@ -249,16 +303,11 @@ impl<'a> StepScans<'a> {
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
             let in_body = pose.rotation.tr_mul(direction);
-            let mut arms = Vec3::zeros();
-            for point in group {
-                arms += pose.scanner_rotation * point.position_m * point.weight;
-            }
             // All sums are linear in the points of one profile.
-            let n: f64 = group.iter().map(|point| point.weight).sum();
+            let (n, arms) = pose.arms(group);
             times_s += pose.time_s * n;
             let levers = arms + pose.scanner_translation_m * n;
-            let offset = pose.translation_m - origin_m;
-            sum += pose.rotation * levers + offset * n;
+            sum += pose.placed(n, &arms, origin_m);
             let by_pose = six(levers.cross(&in_body) / count, direction * (n / count));
             self.poses.pull_back(pose.time_s, &by_pose, &mut by_nodes);
             let by = six(arms.cross(&in_body) / count, in_body * (n / count));
@@ -382,9 +431,15 @@ pub fn rows(
     let scans = StepScans::new(context, &poses, rows);
     let of_step = blocks.of_step(motion, step);
     for row in rows {
-        let mean = scans.mean(row, context.rows.points_of(row), row.depth_m);
+        let points = context.rows.points_of(row);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
+        if !batch.has_derivatives() {
+            let residual_m = scans.residual_m(row, points, row.depth_m);
+            batch.begin_robust(row.trust, group, residual_m * w);
+            continue;
+        }
+        let mean = scans.mean(row, points, row.depth_m);
         batch.begin_robust(row.trust, group, mean.residual_m * w);
         batch.touch(
             blocks.first_surfel + row.surfel as usize,

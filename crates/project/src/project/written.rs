@@ -352,7 +352,8 @@ impl Method {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Size of the surface patches (surfels). Default: ten times the finest voxel.
+    /// Size of the surface patches (surfels). Default: ten times the finest voxel, and half of that where the ground is
+    /// rougher.
     pub surfel_m: Option<f64>,
     /// Largest number of iterations.
     pub max_iterations: Option<usize>,

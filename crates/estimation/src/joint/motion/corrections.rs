@@ -1,5 +1,6 @@
 //! A drive with given poses: corrections of the poses that are correlated in time.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
@@ -124,7 +125,7 @@ impl Motion for CorrectedPoses {
     }
 
     /// The derivative of Exp(δφ) by δφ is the identity to first order of the correction.
-    fn poses(&self, step: usize) -> StepPoses {
+    fn poses(&self, step: usize) -> Cow<'_, StepPoses> {
         let (from_s, to_s) = (self.process.knot_s[step], self.process.knot_s[step + 1]);
         let knots = self.within(step).into_iter().map(|pose| {
             let corrected = self.corrected(&pose);
@@ -143,10 +144,10 @@ impl Motion for CorrectedPoses {
                 by,
             }
         });
-        StepPoses {
+        Cow::Owned(StepPoses {
             knots: knots.collect(),
             width: SIZE,
-        }
+        })
     }
 
     fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch) {

@@ -11,6 +11,8 @@ pub use corrections::CorrectedPoses;
 pub use gauss_markov::{GaussMarkov, rows_together};
 pub use knots::{AT_BRIDGE, BRIDGE, Knot, NodeGradient, StepPoses};
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use super::row::RowBatch;
@@ -54,7 +56,7 @@ pub trait Motion: Send + Sync {
     }
 
     /// The poses within a step, from node to node, with their derivatives.
-    fn poses(&self, step: usize) -> StepPoses;
+    fn poses(&self, step: usize) -> Cow<'_, StepPoses>;
 
     /// Adds the rows of everything but scanners in a step; `step` = steps() asks for priors.
     fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch);

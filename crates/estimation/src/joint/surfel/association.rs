@@ -2,53 +2,28 @@
 
 use rayon::prelude::*;
 
-use super::cells::{ReferenceCells, Sums, add, columns, surfaces};
+use super::cells::ReferenceCells;
+use super::level::{Level, Placed};
 use super::regions::regions;
+use super::relief::rougher;
 use super::{
-    Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, Grid,
-    RowPoint, ScanRow, Surfel, Tally,
+    Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, ScanRow,
+    Surfel, keep,
 };
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
-use crate::geometry::{BodyFromScanner, Vec3, WorldFromScanner, bent};
+use crate::geometry::{BodyFromScanner, WorldFromScanner, bent};
 use crate::joint::bend::Bends;
 use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
-use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Fewest rows of a surfel without a reference: three determine its own plane.
 const MIN_ROWS: u32 = 4;
 /// Time without a row after which a scanner begins another pass, seconds.
 const PASS_S: f64 = 3.0;
-/// Fewest points of a row.
-const MIN_ROW_POINTS: usize = 3;
-/// Points farther from a surfel than this many standard deviations do not belong to it.
-const GATE_SIGMAS: f64 = 4.0;
-/// Points within this many sizes count as near a surfel, even if they are beyond its gate.
-const NEAR_SIZES: f64 = 0.6;
-
-/// A point placed in the world.
-#[derive(Clone, Copy)]
-struct Placed {
-    world_m: Vec3,
-    step: u32,
-    point: u32,
-}
-
-/// The surfel in each voxel.
-struct SurfelVoxels {
-    grid: Grid,
-    surfels: VoxelMap<VoxelKey, u32>,
-}
-
-impl SurfelVoxels {
-    /// The surfel in whose voxels a point of the world lies.
-    fn surfel_at(&self, world_m: &Vec3) -> Option<u32> {
-        self.surfels.get(&self.grid.key(world_m)).copied()
-    }
-}
 
 /// Finds the surfels and their rows for these motions and mountings. Scanner points and the reference are
-/// cut by the same voxels. A surfel takes its plane from the reference, or from the scans if the reference
+/// cut by the same voxels, those of the first of `references`; voxels of the second are taken where the ground asks for
+/// smaller planes. A surfel takes its plane from the reference, or from the scans if the reference
 /// has no points there.
 pub fn associate(
     scans: &[Scans<'_>],
@@ -56,7 +31,7 @@ pub fn associate(
     mountings: &[BodyFromScanner],
     bends: Option<&Bends>,
     late_s: &[f64],
-    reference: &ReferenceCells,
+    references: &[ReferenceCells],
     gates: &Gates,
 ) -> Association {
     // The placed points of each drive and scanner.
@@ -79,56 +54,25 @@ pub fn associate(
                 .collect()
         })
         .collect();
-    let grid = &reference.grid;
-    let mut cells: VoxelMap<VoxelKey, Sums> = VoxelMap::default();
-    for point in placed.iter().flatten().flatten() {
-        add(&mut cells, grid, &point.world_m);
-    }
-    let columns = columns(&cells, reference);
-    let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
-    let mut surfels: Vec<Surfel> = Vec::new();
-    let mut voxels = SurfelVoxels {
-        grid: *grid,
-        surfels: VoxelMap::default(),
+    let at = |reference: &ReferenceCells| Level::new(&placed, scans, motions, reference, gates);
+    let level = at(&references[0]);
+    let regions = regions(&level.surfels, &level.tallies, level.grid.size_m);
+    let (mut surfels, mut drives) = match references.get(1) {
+        Some(finer) => {
+            let finer = at(finer);
+            let is_rougher = rougher(&level, &finer);
+            level.refined(finer, &is_rougher)
+        }
+        None => (level.surfels, level.drives),
     };
-    let fitted: Vec<Vec<(&[VoxelKey], Surfel)>> = columns
-        .par_iter()
-        .map(|column| surfaces(column, &cells, reference, gates))
-        .collect();
-    for (keys, mut surfel) in fitted.into_iter().flatten() {
+    let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
+    for surfel in &mut surfels {
         if let Some(prior) = &mut surfel.prior {
             let next = patches.len() as u32;
             let key = voxel_key(&surfel.centre_m, gates.patch_m);
             prior.patch = *patches.entry(key).or_insert(next);
         }
-        for key in keys {
-            voxels.surfels.insert(*key, surfels.len() as u32);
-        }
-        surfels.push(surfel);
-    }
-    let mut tallies = vec![Tally::default(); surfels.len()];
-    let mut drives: Vec<DriveRows> = placed
-        .iter()
-        .zip(scans)
-        .zip(motions)
-        .map(|((placed, scans), motion)| {
-            rows_of(
-                placed,
-                scans,
-                motion.steps(),
-                &surfels,
-                &voxels,
-                gates,
-                &mut tallies,
-            )
-        })
-        .collect();
-    let regions = regions(&surfels, &tallies, grid.size_m);
-    for (surfel, tally) in surfels.iter_mut().zip(&tallies) {
-        if tally.free > 0.0 {
-            surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
-        }
-        let sizes = surfel.scatter_m / grid.size_m;
+        let sizes = surfel.scatter_m / surfel.size_m;
         let class = CLASS_SIZES.iter().position(|most| sizes <= *most);
         surfel.class = class.unwrap_or(CLASSES - 1);
     }
@@ -141,7 +85,7 @@ pub fn associate(
         surfels,
         drives,
         patches: patches.len(),
-        reference: reference.place,
+        reference: references[0].place,
         regions,
     }
 }
@@ -180,113 +124,6 @@ fn place(
         })
     });
     placed.collect()
-}
-
-/// The rows of a drive: its points sorted by step, scanner and surfel. Adds the points to the tallies of
-/// the surfels.
-fn rows_of(
-    placed: &[Vec<Placed>],
-    scans: &Scans<'_>,
-    steps: usize,
-    surfels: &[Surfel],
-    voxels: &SurfelVoxels,
-    gates: &Gates,
-    tallies: &mut [Tally],
-) -> DriveRows {
-    // Step, scanner, surfel, point, and the bits of its distance from the surfel.
-    let mut seen: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
-    for (scanner, points) in placed.iter().enumerate() {
-        let near = points.par_iter().filter_map(|point| {
-            let surfel = voxels.surfel_at(&point.world_m)?;
-            let plane = &surfels[surfel as usize];
-            let distance_m = plane.axes[0].dot(&(point.world_m - plane.centre_m));
-            (distance_m.abs() < NEAR_SIZES * voxels.grid.size_m).then_some((
-                point.step,
-                scanner as u32,
-                surfel,
-                point.point,
-                (distance_m as f32).to_bits(),
-            ))
-        });
-        seen.par_extend(near);
-    }
-    seen.par_sort_unstable();
-    let mut rows = DriveRows {
-        step_start: vec![0; steps + 1],
-        ..DriveRows::default()
-    };
-    let excess_m: Vec<f64> = (0..placed.len())
-        .map(|scanner| excess_m(&seen, surfels, scanner as u32))
-        .collect();
-    let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
-    for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
-        let (step, scanner, surfel, ..) = near[0];
-        let tally = &mut tallies[surfel as usize];
-        tally.near += near.len() as f64;
-        tally.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
-        let sigma_m = surfels[surfel as usize]
-            .roughness_m
-            .hypot(gates.misfit_m)
-            .hypot(excess_m[scanner as usize]);
-        group.clear();
-        let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
-        group.extend(near.iter().filter(|seen| within(seen.4)).copied());
-        if group.len() < MIN_ROW_POINTS {
-            continue;
-        }
-        let sample = scans.samples[scanner as usize];
-        let distances = || group.iter().map(|seen| distance_m(seen.4));
-        let weights = || {
-            let point = |place: u32| &sample.points[place as usize];
-            group
-                .iter()
-                .map(move |(.., place, _)| f64::from(point(*place).count))
-        };
-        let count = group.len() as f64;
-        let mean = distances().sum::<f64>() / count;
-        tally.squares_m2 += distances().map(|d| (d - mean).powi(2)).sum::<f64>();
-        tally.free += count - 1.0;
-        rows.step_start[step as usize + 1] += 1;
-        rows.rows.push(ScanRow {
-            surfel,
-            scanner,
-            first: rows.points.len() as u32,
-            count: group.len() as u32,
-            effective: weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>(),
-            coverage: 0,
-            depth_m: 0.0,
-            by_motion: [0.0; 2],
-            rows_in_step: 1,
-            trust: 1.0,
-        });
-        rows.points.extend(group.iter().map(|(.., point, _)| {
-            let point = &sample.points[*point as usize];
-            RowPoint {
-                profile: point.profile,
-                position_m: point.position_m,
-                weight: f64::from(point.count),
-            }
-        }));
-    }
-    for step in 0..steps {
-        rows.step_start[step + 1] += rows.step_start[step];
-    }
-    rows
-}
-
-fn distance_m(bits: u32) -> f64 {
-    f64::from(f32::from_bits(bits))
-}
-
-/// Excess of the scatter of a scanner's points over the roughness of the surfels they lie on, metres: its
-/// own noise, if that is larger.
-fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
-    let points = || seen.iter().filter(|seen| seen.1 == scanner);
-    let distance_m = median(points().map(|seen| distance_m(seen.4).abs()));
-    let roughness_m = median(points().map(|seen| surfels[seen.2 as usize].roughness_m));
-    let square = |value: Option<f64>| value.unwrap_or(0.0).powi(2);
-    let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
-    excess_m2.max(0.0).sqrt()
 }
 
 /// Keeps only the rows of each scanner's keyframes. Every `keyframe_steps` consecutive steps have one
@@ -342,20 +179,10 @@ fn drop_unchecked(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], scans: &[
         }
     }
     let needed = |surfel: &Surfel| if surfel.prior.is_some() { 1 } else { MIN_ROWS };
-    let mut next = 0;
-    let number: Vec<Option<u32>> = surfels
+    let kept: Vec<bool> = surfels
         .iter()
         .zip(&seen)
-        .map(|(surfel, seen)| {
-            (*seen >= needed(surfel)).then(|| {
-                next += 1;
-                next - 1
-            })
-        })
+        .map(|(surfel, seen)| *seen >= needed(surfel))
         .collect();
-    for drive in drives {
-        drive.retain(|_, row| number[row.surfel as usize]);
-    }
-    let mut keep = number.iter();
-    surfels.retain(|_| keep.next().is_some_and(Option::is_some));
+    keep(surfels, drives, &kept);
 }

@@ -244,6 +244,7 @@ fn fit(
     Some(Surfel {
         centre_m: grid.world(&tensor.mean),
         axes: [axis(2), axis(0), axis(1)],
+        size_m: grid.size_m,
         roughness_m,
         scatter_m: roughness_m,
         class: 0,

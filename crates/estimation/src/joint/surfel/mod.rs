@@ -4,7 +4,9 @@
 mod association;
 mod cells;
 mod grid;
+mod level;
 mod regions;
+mod relief;
 
 pub use association::associate;
 pub use cells::{ReferenceCells, ReferencePlace};
@@ -27,6 +29,9 @@ const COVERAGE_SHARES: [f64; 3] = [0.35, 0.7, 1.0];
 /// Number of classes of coverage.
 pub const COVERAGES: usize = COVERAGE_SHARES.len();
 
+/// Least standard deviation of a row and of the reference's offset, metres.
+pub const LEAST_SIGMA_M: f64 = 1e-5;
+
 /// Number of classes of roughness.
 pub const CLASSES: usize = CLASS_SIZES.len();
 
@@ -38,6 +43,8 @@ pub struct Surfel {
     pub centre_m: Vec3,
     /// Unit vectors: normal, u, v.
     pub axes: [Vec3; 3],
+    /// Edge of its voxels, metres.
+    pub size_m: f64,
     /// Standard deviation of the points about the plane, metres.
     pub roughness_m: f64,
     /// Standard deviation of the scanners' points about the mean of their row, metres: noise and
@@ -73,6 +80,8 @@ pub struct ScanRow {
     pub effective: f64,
     /// Class of the part of the surfel that it saw.
     pub coverage: u8,
+    /// Mean distance of its points from the plane of its surfel when they were sorted, metres.
+    pub distance_m: f64,
     /// Signed distance of its points from the scanner along the surfel's normal when they were sorted, metres.
     pub depth_m: f64,
     /// Squares of its derivatives by rotations (metres²) and by shifts of the mounting at that time.
@@ -122,6 +131,26 @@ impl DriveRows {
         }
     }
 
+    /// Adds other rows of the same drive, whose surfels are numbered from `first_surfel`.
+    fn append(&mut self, other: &Self, first_surfel: u32) {
+        let first = self.points.len() as u32;
+        let mut rows = Vec::with_capacity(self.rows.len() + other.rows.len());
+        let mut step_start = vec![0];
+        for step in 0..self.step_start.len() - 1 {
+            rows.extend_from_slice(self.of_step(step));
+            let others = other.of_step(step).iter();
+            rows.extend(others.map(|row| ScanRow {
+                first: first + row.first,
+                surfel: first_surfel + row.surfel,
+                ..*row
+            }));
+            step_start.push(rows.len() as u32);
+        }
+        self.points.extend_from_slice(&other.points);
+        self.rows = rows;
+        self.step_start = step_start;
+    }
+
     /// Keeps the rows for which `surfel`, given a step and a row, returns the new index of the row's surfel.
     fn retain(&mut self, surfel: impl Fn(usize, &ScanRow) -> Option<u32>) {
         let mut rows = Vec::with_capacity(self.rows.len());
@@ -141,6 +170,25 @@ impl DriveRows {
     pub fn points_of(&self, row: &ScanRow) -> &[RowPoint] {
         &self.points[row.first as usize..(row.first + row.count) as usize]
     }
+}
+
+/// Keeps these surfels and their rows.
+fn keep(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], kept: &[bool]) {
+    let mut next = 0;
+    let number: Vec<Option<u32>> = kept
+        .iter()
+        .map(|&is_kept| {
+            is_kept.then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+        .collect();
+    for drive in drives {
+        drive.retain(|_, row| number[row.surfel as usize]);
+    }
+    let mut kept = kept.iter();
+    surfels.retain(|_| kept.next() == Some(&true));
 }
 
 /// Surfels and the rows that see them.

@@ -377,7 +377,11 @@ impl Case {
             &state.poses(),
             None,
             &state.late_s,
-            &ReferenceCells::new(&self.reference, Grid::aligned(SURFEL_M), [0.0; REFERENCE]),
+            &[ReferenceCells::new(
+                &self.reference,
+                Grid::aligned(SURFEL_M),
+                [0.0; REFERENCE],
+            )],
             &Gates {
                 misfit_m,
                 patch_m: 0.3,

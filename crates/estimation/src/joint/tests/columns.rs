@@ -10,17 +10,17 @@ use crate::sensor::{PoseRecord, PoseSigma};
 use crate::surface::{Profile, ProfilePoint};
 use crate::trajectory::Trajectory;
 
-const SIZE_M: f64 = 0.05;
-const NOISE_M: f64 = 5e-4;
+pub const SIZE_M: f64 = 0.05;
+pub const NOISE_M: f64 = 5e-4;
 const PASSES: usize = 8;
 
 /// The association of these points, which a scanner at rest sees on several passes, with voxels along the axes.
 fn associated(passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
-    associated_in(Grid::aligned(SIZE_M), passes, reference)
+    associated_in(&[Grid::aligned(SIZE_M)], passes, reference)
 }
 
 /// As [`associated`], with these voxels.
-fn associated_in(grid: Grid, passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
+pub fn associated_in(grids: &[Grid], passes: &[Vec<Vec3>], reference: &[Vec3]) -> Association {
     let record = |time_s| PoseRecord {
         sigma: Some(PoseSigma {
             position_m: Vec3::repeat(1e-3),
@@ -28,8 +28,8 @@ fn associated_in(grid: Grid, passes: &[Vec<Vec3>], reference: &[Vec3]) -> Associ
         }),
         ..PoseRecord::new(time_s, WorldFromBody::identity())
     };
-    let end_s = 10.0 * passes.len() as f64;
-    let trajectory = Trajectory::new(vec![record(0.0), record(end_s)]).expect("two poses");
+    let poses = (0..=passes.len()).map(|pass| record(10.0 * pass as f64));
+    let trajectory = Trajectory::new(poses.collect()).expect("poses");
     let mut sample = ScannerSample::default();
     for (pass, points) in passes.iter().enumerate() {
         sample.profiles.push(Profile {
@@ -47,13 +47,17 @@ fn associated_in(grid: Grid, passes: &[Vec<Vec3>], reference: &[Vec3]) -> Associ
     let scans = Scans {
         samples: vec![&sample],
     };
+    let cells: Vec<_> = grids
+        .iter()
+        .map(|&grid| ReferenceCells::new(reference, grid, [0.0; 6]))
+        .collect();
     associate(
         &[scans],
         &[Box::new(motion)],
         &[BodyFromScanner::identity()],
         None,
         &[0.0],
-        &ReferenceCells::new(reference, grid, [0.0; 6]),
+        &cells,
         &Gates {
             misfit_m: 5e-4,
             patch_m: 0.3,
@@ -63,7 +67,7 @@ fn associated_in(grid: Grid, passes: &[Vec<Vec3>], reference: &[Vec3]) -> Associ
 }
 
 /// Points of a square plane through `origin_m` in each pass, 5 mm apart, with noise along its normal.
-fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
+pub fn plane(origin_m: Vec3, u: Vec3, v: Vec3, half: i32) -> Vec<Vec<Vec3>> {
     let mut next = noise(5);
     let normal = u.cross(&v);
     let pass = |_| {
@@ -82,7 +86,7 @@ fn assert_whole(passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
 
 /// As [`assert_whole`], with these voxels.
 fn assert_whole_in(grid: Grid, passes: &[Vec<Vec3>], origin_m: Vec3, normal: Vec3) {
-    let association = associated_in(grid, passes, &[]);
+    let association = associated_in(&[grid], passes, &[]);
     // Voxels at the rim are not full.
     let is_inside = |point: &Vec3| (point - origin_m).norm() < 0.3 - 2.0 * SIZE_M;
     let points = passes.iter().flatten().filter(|point| is_inside(point));

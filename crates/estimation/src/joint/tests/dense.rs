@@ -3,11 +3,11 @@
 use super::case::{Case, Dense, estimated};
 use crate::adjustment::{CONVERGED_SIGMAS, LeastSquares, StopReason, levenberg_marquardt};
 use crate::calibration::ScannerSample;
-use crate::joint::adjust::DAMPING;
-use crate::joint::components::components;
+use crate::joint::components::{components, rescale};
 use crate::joint::layout::UP;
 use crate::joint::motion::ChainMotion;
 use crate::joint::problem::JointProblem;
+use crate::joint::rounds::DAMPING;
 use crate::joint::score::Score;
 use crate::joint::state::State;
 use crate::progress::Silent;
@@ -160,11 +160,12 @@ fn redundancies_by_probes_are_those_of_the_projection() {
         let dense = Dense::new(&problem, &state);
         let covariance = inverse(&dense.h());
         let mut exact = vec![0.0; problem.groups.names.len()];
-        let mut fitted = exact.clone();
+        let (mut fitted, mut squares) = (exact.clone(), exact.clone());
         for (i, row) in dense.jacobian.row_iter().enumerate() {
             let share = dense.weights[i] * (row * &covariance).dot(&row);
             exact[dense.groups[i]] += 1.0 - share;
             fitted[dense.groups[i]] += share;
+            squares[dense.groups[i]] += (1.0 - share).powi(2);
         }
         let estimated = components(&problem, &state);
         for (group, component) in estimated.iter().enumerate() {
@@ -172,8 +173,15 @@ fn redundancies_by_probes_are_those_of_the_projection() {
             // group's trace as variance; 8 probes, four standard deviations.
             let allowed = 4.0 * (2.0 * fitted[group] / 8.0).sqrt() + 1e-6;
             let off = component.redundancy - exact[group];
+            // Of Σ rᵢ², by two halves of the probes: at most 5/8 of that.
+            let allowed_squares = 4.0 * (1.25 * fitted[group]).sqrt() + 1e-6;
+            let off_squares = component.squares - squares[group];
             let group = &problem.groups.names[group];
             assert!(off.abs() <= allowed, "{name}, {group}: {off} of {allowed}");
+            assert!(
+                off_squares.abs() <= allowed_squares,
+                "{name}, {group}: {off_squares} of {allowed_squares}"
+            );
         }
         let all: f64 = exact.iter().sum();
         let rows = dense.groups.len() as f64;
@@ -272,4 +280,58 @@ fn without_scans_the_result_is_that_of_the_trajectory_alone() {
             assert!(near(a.rotation_rad[i], b.rotation_rad[i]));
         }
     }
+}
+
+#[test]
+fn residuals_and_costs_are_the_same_without_derivatives() {
+    each(|name, problem, mut state| {
+        state.mountings[0].body_from_scanner.translation_m.x += 1e-3;
+        let (mut with, mut without) = (Vec::new(), Vec::new());
+        let (mut cost_with, mut cost_without) = (0.0, 0.0);
+        problem.visit(&state, |batch| {
+            with.extend(
+                batch
+                    .rows()
+                    .map(|row| (row.group, row.weight, row.residual)),
+            );
+            cost_with += batch.cost();
+        });
+        problem.visit_residuals(&state, |batch| {
+            assert!(batch.rows().all(|row| row.by.is_empty()));
+            without.extend(
+                batch
+                    .rows()
+                    .map(|row| (row.group, row.weight, row.residual)),
+            );
+            cost_without += batch.cost();
+        });
+        assert!(with == without, "{name}");
+        assert_eq!(cost_with, cost_without, "{name}");
+    });
+}
+
+#[test]
+fn a_guess_of_the_noise_of_scans_is_near_its_variance_component() {
+    let case = Case::from_file();
+    let input = case.input();
+    let (mut problem, mut state) = case.problem(&input);
+    for _ in 0..5 {
+        solve(&mut problem, &mut state);
+        problem.factorise(&state).expect("positive definite");
+        let components = components(&problem, &state);
+        rescale(&mut problem, &components);
+    }
+    let estimated = problem.groups.scale.clone();
+    let scans = problem.groups.first_scan..problem.groups.first_reference;
+    let far = &mut problem.groups.scale[scans.clone()];
+    far.iter_mut().for_each(|scale| *scale *= 5.0);
+    let start = problem.groups.scale.clone();
+    assert!(problem.guess_noise(&state));
+    let guessed: Vec<f64> = scans
+        .filter(|&group| problem.groups.scale[group] != start[group])
+        .map(|group| problem.groups.scale[group] / estimated[group])
+        .collect();
+    println!("{guessed:?}");
+    assert!(guessed.len() > 2);
+    assert!(guessed.iter().all(|ratio| (0.67..1.5).contains(ratio)));
 }

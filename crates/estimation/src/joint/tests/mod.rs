@@ -9,4 +9,6 @@ mod gauss_markov;
 mod grid;
 mod jacobians;
 mod known;
+mod reference;
+mod relief;
 mod whole;

@@ -73,8 +73,8 @@ pub struct Surfels {
     pub normals: [Vec<u8>; 3],
     /// Standard deviation of the points about each surfel, metres.
     pub roughness: Bytes,
-    /// The edge of every surfel, metres.
-    pub size_m: f64,
+    /// The edge of each surfel, metres.
+    pub sizes: Bytes,
 }
 
 /// Step of the points of the reference, metres.

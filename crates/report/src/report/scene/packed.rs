@@ -58,7 +58,8 @@ impl Packed {
                 "axes": lists.axes(&scene.reference),
             },
             "surfels": {
-                "size_m": scene.surfels.size_m,
+                "size_m": scene.surfels.sizes.high,
+                "sizes": lists.plain(&scene.surfels.sizes.values),
                 "step_m": REFERENCE_STEP_M,
                 "axes": lists.axes(&scene.surfels.centres),
                 "normals": scene.surfels.normals.each_ref().map(|list| lists.plain(list)),

@@ -14,16 +14,18 @@ const REACHED: f64 = 0.98;
 
 /// Encodes `planes`; coordinates are relative to the origin.
 pub fn surfels(planes: &[SurfelPlane], origin_m: &Vec3) -> Surfels {
-    let mut sizes: Vec<f64> = planes.iter().map(|plane| plane.roughness_m).collect();
-    sizes.sort_by(f64::total_cmp);
-    let most = if sizes.is_empty() {
+    let mut roughness: Vec<f64> = planes.iter().map(|plane| plane.roughness_m).collect();
+    roughness.sort_by(f64::total_cmp);
+    let most = if roughness.is_empty() {
         1.0
     } else {
-        nice_above(quantile(&sizes, REACHED).max(1e-5))
+        nice_above(quantile(&roughness, REACHED).max(1e-5))
     };
+    let sizes = planes.iter().map(|plane| plane.size_m);
+    let largest_m = sizes.clone().fold(0.0, f64::max);
     let mut surfels = Surfels {
         roughness: Bytes::of((0.0, most), planes.iter().map(|plane| plane.roughness_m)),
-        size_m: planes.first().map_or(0.0, |plane| plane.size_m),
+        sizes: Bytes::of((0.0, largest_m), sizes),
         centres: Places::default(),
         normals: Default::default(),
     };
@@ -49,17 +51,26 @@ mod tests {
 
     #[test]
     fn patches_are_where_they_are_and_face_up() {
-        let plane = SurfelPlane {
+        let small = SurfelPlane {
             centre_m: Vec3::new(11.0, 20.5, 3.0),
             normal: Vec3::new(0.6, 0.0, -0.8),
-            size_m: 0.1,
+            size_m: 0.05,
             roughness_m: 1e-3,
         };
-        let encoded = surfels(&[plane], &Vec3::new(10.0, 20.0, 3.0));
-        assert_eq!(encoded.centres.axes, [vec![100_000], vec![50_000], vec![0]]);
+        let large = SurfelPlane {
+            centre_m: Vec3::new(10.0, 20.0, 4.0),
+            size_m: 0.1,
+            ..small
+        };
+        let encoded = surfels(&[small, large], &Vec3::new(10.0, 20.0, 3.0));
+        let axes = [vec![100_000, 0], vec![50_000, 0], vec![0, 100_000]];
+        assert_eq!(encoded.centres.axes, axes);
         let normal = encoded.normals.map(|list| list[0].cast_signed());
         assert_eq!(normal, [-76, 0, 102]);
-        assert_eq!(encoded.size_m, 0.1);
+        assert_eq!(
+            (encoded.sizes.high, encoded.sizes.values),
+            (0.1, vec![128, 255])
+        );
         assert_eq!(surfels(&[], &Vec3::zeros()).centres, Places::default());
     }
 }

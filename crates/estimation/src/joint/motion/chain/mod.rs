@@ -2,8 +2,9 @@
 
 mod residuals;
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use nalgebra::DMatrix;
 
@@ -47,6 +48,8 @@ pub struct ChainMotion {
     /// For each step, the deviation of the attitude in its middle from the best estimate by the IMU and
     /// both nodes (body axes, radians).
     bridges: Vec<Vec3>,
+    /// The poses of each step at this state, once they have been asked for: many passes over the rows need them.
+    poses: Arc<[OnceLock<StepPoses>]>,
 }
 
 impl ChainMotion {
@@ -65,6 +68,7 @@ impl ChainMotion {
         };
         Self {
             bridges: vec![Vec3::zeros(); graph.timeline.steps()],
+            poses: no_poses(graph.timeline.steps()),
             graph: Arc::new(graph.clone()),
             imu: Arc::new(imu.clone()),
             state: state.clone(),
@@ -76,6 +80,7 @@ impl ChainMotion {
     /// The same chain with the standard deviations of the IMU multiplied by `factor`.
     pub fn with_noise_scaled(mut self, factor: f64) -> Self {
         Arc::make_mut(&mut self.graph).imu_scale *= factor;
+        self.poses = no_poses(self.steps());
         self
     }
 
@@ -122,6 +127,54 @@ impl ChainMotion {
         let turn_rad = self.bridges[step] * self.bridge_share(step, record.time_s);
         record.world_from_body.rotation *= exp(&turn_rad);
         record
+    }
+
+    /// The poses within a step. The effect of the bias on the poses between two nodes is neglected: over the eighth of a
+    /// second from node to node it is Δt²/16 of an accelerometer's bias, a micrometre.
+    fn recovered(&self, step: usize) -> StepPoses {
+        let node_s = &self.graph.timeline.node_s;
+        let at_node = |node: usize, first: usize| {
+            let NodeState {
+                world_from_body,
+                velocity_m_s,
+            } = self.state.nodes[node];
+            Knot {
+                time_s: node_s[node],
+                world_from_body,
+                velocity_m_s: Some(velocity_m_s),
+                by: node_derivative(first),
+            }
+        };
+        let mut knots = vec![at_node(step, 0)];
+        let recovery = Recovery {
+            graph: &self.graph,
+            state: &self.state,
+            imu: &self.imu,
+        };
+        recovery.step(step, |pose| {
+            let time_s = pose.record.time_s;
+            let inside = time_s > node_s[step] + SAME_INSTANT_S
+                && time_s < node_s[step + 1] - SAME_INSTANT_S;
+            if inside {
+                let rows = pose.rows();
+                let share = self.bridge_share(step, time_s);
+                let record = self.bridged(step, pose.record);
+                knots.push(Knot {
+                    time_s,
+                    world_from_body: record.world_from_body,
+                    velocity_m_s: record.velocity_m_s,
+                    by: std::array::from_fn(|i| {
+                        std::array::from_fn(|j| match j {
+                            j if j < AT_BRIDGE => rows[i][j],
+                            j if j - AT_BRIDGE == i => share,
+                            _ => 0.0,
+                        })
+                    }),
+                });
+            }
+        });
+        knots.push(at_node(step + 1, NODE));
+        StepPoses { knots, width: NODE }
     }
 
     /// Group of the headings.
@@ -240,6 +293,11 @@ impl ChainMotion {
     }
 }
 
+/// Room for the poses of all steps.
+fn no_poses(steps: usize) -> Arc<[OnceLock<StepPoses>]> {
+    (0..steps).map(|_| OnceLock::new()).collect()
+}
+
 /// The correlated error e of one record: its residual r becomes r + W e.
 struct ErrorRows<'a> {
     process: &'a GaussMarkov,
@@ -306,52 +364,8 @@ impl Motion for ChainMotion {
         Some(self.first_bridge() + step)
     }
 
-    /// The effect of the bias on the poses between two nodes is neglected: over the eighth of a second
-    /// from node to node it is Δt²/16 of an accelerometer's bias, a micrometre.
-    fn poses(&self, step: usize) -> StepPoses {
-        let node_s = &self.graph.timeline.node_s;
-        let at_node = |node: usize, first: usize| {
-            let NodeState {
-                world_from_body,
-                velocity_m_s,
-            } = self.state.nodes[node];
-            Knot {
-                time_s: node_s[node],
-                world_from_body,
-                velocity_m_s: Some(velocity_m_s),
-                by: node_derivative(first),
-            }
-        };
-        let mut knots = vec![at_node(step, 0)];
-        let recovery = Recovery {
-            graph: &self.graph,
-            state: &self.state,
-            imu: &self.imu,
-        };
-        recovery.step(step, |pose| {
-            let time_s = pose.record.time_s;
-            let inside = time_s > node_s[step] + SAME_INSTANT_S
-                && time_s < node_s[step + 1] - SAME_INSTANT_S;
-            if inside {
-                let rows = pose.rows();
-                let share = self.bridge_share(step, time_s);
-                let record = self.bridged(step, pose.record);
-                knots.push(Knot {
-                    time_s,
-                    world_from_body: record.world_from_body,
-                    velocity_m_s: record.velocity_m_s,
-                    by: std::array::from_fn(|i| {
-                        std::array::from_fn(|j| match j {
-                            j if j < AT_BRIDGE => rows[i][j],
-                            j if j - AT_BRIDGE == i => share,
-                            _ => 0.0,
-                        })
-                    }),
-                });
-            }
-        });
-        knots.push(at_node(step + 1, NODE));
-        StepPoses { knots, width: NODE }
+    fn poses(&self, step: usize) -> Cow<'_, StepPoses> {
+        Cow::Borrowed(self.poses[step].get_or_init(|| self.recovered(step)))
     }
 
     fn rows(&self, step: usize, places: &Places<'_>, batch: &mut RowBatch) {
@@ -382,6 +396,7 @@ impl Motion for ChainMotion {
             border: constants.to_vec(),
         };
         let mut moved = self.clone();
+        moved.poses = no_poses(self.steps());
         moved.state = self.graph.retracted(&self.state, &step);
         for process in moved.correlated.iter_mut().flatten() {
             let (step, rest) = errors.split_at(process.value.len());

@@ -1,0 +1,210 @@
+//! The rounds of an adjustment: how points are sorted in each, and the steps until values and noise have settled.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::bend::{Bends, Rung};
+use super::components::{Component, components, rescale};
+use super::conclude::not_determined;
+use super::learn::learn;
+use super::problem::JointProblem;
+use super::state::State;
+use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
+use crate::calibration::observability::LEVER_M;
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// The scales of noise have settled if they change by less than this share.
+const SETTLED_SCALE: f64 = 0.1;
+/// The parameters of the motion in time have settled if they change by less than this; see [`learn`].
+pub const SETTLED_MOTION: f64 = 0.3;
+/// Size of the surfels with dense knots, as a share of the usual size: a random motion along the ground shows only at
+/// slopes, and small surfels have steeper slopes.
+const DENSE_SHARE: f64 = 0.72;
+/// Most times that the noise is estimated in the last round.
+const MAX_SCALINGS: usize = 3;
+/// A parameter with a larger standard deviation is not determined, metres; rotations are converted by
+/// [`LEVER_M`].
+const MAX_SIGMA_M: f64 = 0.010;
+/// Length of the last step, standard deviations, before the noise is estimated again.
+pub const SCALING_SIGMAS: f64 = 0.5;
+/// The same with knots, whose standard deviations are then estimated again too: this moves mountings much and
+/// residuals little.
+const LEARNING_SIGMAS: f64 = 2.0;
+/// Length of the last step at the end, standard deviations. Because steps become shorter by a factor of two or more,
+/// no unknown is then off by more than this.
+const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
+/// As for the trajectory alone, except for the allowed rise of the cost: derivatives of poses between nodes
+/// are accurate to a hundredth, so the gradient does not vanish exactly at the least cost. A rise of 1e-5 is
+/// a step of a fraction of a standard deviation.
+pub const DAMPING: DampingRule = DampingRule {
+    rounding: 1e-5,
+    ..DampingRule::UNDAMPED
+};
+
+/// A round sorts the points into surfels and adjusts all unknowns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Round {
+    /// Starts from the result of two steps.
+    Coarse,
+    /// Starts from the result of an adjustment; the noise is estimated.
+    Fine,
+}
+
+impl Round {
+    /// Sizes of its surfels, the larger first, metres.
+    pub fn sizes_m(self, rung: Rung, surfel_m: f64, is_given: bool) -> Vec<f64> {
+        let largest_m = match (self, rung) {
+            (Self::Fine, Rung::DenseKnots) => DENSE_SHARE * surfel_m,
+            _ => surfel_m,
+        };
+        match self {
+            Self::Fine if !is_given => vec![largest_m, 0.5 * largest_m],
+            _ => vec![largest_m],
+        }
+    }
+
+    /// Largest distance between scans and reference, as a share of a surfel's size.
+    pub fn misfit_share(self) -> f64 {
+        match self {
+            Self::Coarse => 0.12,
+            Self::Fine => 0.02,
+        }
+    }
+
+    /// Length of the last step, standard deviations, before points are sorted again, or the noise is estimated
+    /// again.
+    pub fn settled_sigmas(self) -> f64 {
+        match self {
+            Self::Coarse => 5.0,
+            Self::Fine => SCALING_SIGMAS,
+        }
+    }
+
+    /// Largest displacement of points, as a share of the usual size of a surfel. A round that moves them by more is
+    /// repeated, because they then belong to other surfels.
+    pub fn move_share(self) -> f64 {
+        match self {
+            Self::Coarse => 0.1,
+            Self::Fine => 0.02,
+        }
+    }
+}
+
+/// The steps of all rounds.
+pub struct Steps<'a> {
+    pub max_iterations: usize,
+    pub iterations: usize,
+    /// Covariance of the blocks that couple with everything, from the last estimate of the noise.
+    pub shared: Option<DMatrix<f64>>,
+    pub progress: &'a dyn Progress,
+}
+
+impl Steps<'_> {
+    /// Takes steps until one is shorter than `sigmas` standard deviations.
+    pub fn settle(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &mut State,
+        sigmas: f64,
+    ) -> Result<StopReason> {
+        let most = self.max_iterations.saturating_sub(self.iterations).max(1);
+        let ended = levenberg_marquardt(problem, state, DAMPING, most, sigmas, self.progress)?;
+        self.iterations += ended.iterations;
+        Ok(ended.stop)
+    }
+
+    /// Alternates steps with estimates of the noise, of the motion of mountings, and of the trust in rows.
+    pub fn weigh_and_settle(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &mut State,
+        is_first: bool,
+    ) -> Result<StopReason> {
+        let sigmas = if problem.layout.knots.is_empty() {
+            SCALING_SIGMAS
+        } else {
+            LEARNING_SIGMAS
+        };
+        if is_first && problem.guess_noise(state) {
+            problem.find_trust(state);
+            self.settle(problem, state, sigmas)?;
+        }
+        for scaling in 1.. {
+            let components = components_at(problem, state)?;
+            self.progress.advance(1);
+            let learned = learn(problem, state);
+            // Dense knots follow a jump, which cannot be told from their own motion.
+            let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
+            let jumped = slow.is_some_and(Bends::restart);
+            self.shared = problem.shared_covariance();
+            problem.judge_by(self.shared.as_ref());
+            let change = rescale(problem, &components);
+            if self.hold(problem) {
+                // Residuals show nothing about trust before the mountings are back at their start values.
+                self.settle(problem, state, SCALING_SIGMAS)?;
+            }
+            problem.find_trust(state);
+            let is_settled = change < SETTLED_SCALE && learned < SETTLED_MOTION && !jumped;
+            if scaling == MAX_SCALINGS || is_settled {
+                break;
+            }
+            self.settle(problem, state, sigmas)?;
+        }
+        self.settle(problem, state, SETTLED_SIGMAS)
+    }
+
+    /// Holds the directions that nothing determines at their start values; returns whether there are new
+    /// ones.
+    fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
+        if !problem.held.is_empty() {
+            return false;
+        }
+        problem.held = undetermined(problem, self.shared.as_ref());
+        if !problem.held.is_empty() {
+            problem.judge_by(None);
+        }
+        !problem.held.is_empty()
+    }
+}
+
+/// The variance components of all groups at a state; the problem then holds the factor at this state or at one
+/// nearby.
+pub fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
+    problem.factorise_near(state).ok_or_else(not_determined)?;
+    Ok(components(problem, state))
+}
+
+/// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
+/// [`MAX_SIGMA_M`]. Without a reference and with a lever arm that is estimated, the common height is
+/// one of them: its standard deviation is then that of the prior of the lever arm.
+fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
+    let count = 6 * problem.input.mountings.len();
+    let Some(shared) = shared else {
+        return Vec::new();
+    };
+    let first = shared.nrows() - count;
+    let scale = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M };
+    // The unknowns are (δφ, δp).
+    let place = |i: usize| first + 6 * (i / 6) + (i + 3) % 6;
+    let scaled = DMatrix::from_fn(count, count, |i, j| {
+        shared[(place(i), place(j))] * scale(i) * scale(j)
+    });
+    let eigen = SymmetricEigen::new(scaled);
+    let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
+        .filter_map(|k| {
+            let direction = eigen.eigenvectors.column(k);
+            let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
+            (sigma_m * direction.amax() > MAX_SIGMA_M).then(|| {
+                (
+                    sigma_m,
+                    DVector::from_fn(count, |i, _| direction[i] * scale(i)),
+                )
+            })
+        })
+        .collect();
+    directions.sort_by(|a, b| b.0.total_cmp(&a.0));
+    directions
+        .into_iter()
+        .map(|(_, direction)| direction)
+        .collect()
+}
