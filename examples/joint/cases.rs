@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::joint_drive::Setup;
+use super::joint_drive::{Setup, bend};
 
 /// Further options for experiments.
 #[derive(Default)]
@@ -231,16 +231,6 @@ pub fn setup(name: &str, seed: u64, options: &Options) -> Result<Setup> {
         }
     });
     Ok(setup)
-}
-
-/// A frame that bends only with roll and pitch, by this share of the simulator's default.
-fn bend(scenario: &mut Scenario, share: f64) {
-    let deformation = &mut scenario.deformation;
-    deformation.enabled = true;
-    deformation.rotation_deg_per_deg *= share;
-    deformation.shift_m_per_deg *= share;
-    deformation.shift_m_per_m_s2 = 0.0;
-    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
 }
 
 /// A frame whose mountings move at random, each scanner independently.

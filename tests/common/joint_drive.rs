@@ -39,6 +39,16 @@ pub struct Setup {
     pub known: Option<[f64; 2]>,
 }
 
+/// Makes the frame bend only with roll and pitch, by this share of the simulator's default.
+pub fn bend(scenario: &mut Scenario, share: f64) {
+    let deformation = &mut scenario.deformation;
+    deformation.enabled = true;
+    deformation.rotation_deg_per_deg *= share;
+    deformation.shift_m_per_deg *= share;
+    deformation.shift_m_per_m_s2 = 0.0;
+    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+}
+
 impl Setup {
     /// A scenario with its reference, which is assumed to be free of shift and tilt.
     pub fn new(scenario: Scenario) -> Self {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use crate::common::demo_drive::{DemoDrive, calibrate};
+use crate::common::joint_drive::bend;
 use crate::common::{files, write_files};
 use boresight::calibration::{Calibration, CalibrationSettings, Method};
 use boresight::geometry::euler::euler_deg_from_rotation;
@@ -261,14 +262,8 @@ fn a_bending_mounting_is_detected_from_the_pattern_of_residuals_along_the_drive(
 fn a_randomly_moving_mounting_is_detected_from_the_gap_between_the_scanners() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
+    bend(&mut scenario, 0.0);
     let deformation = &mut scenario.deformation;
-    deformation.enabled = true;
-    (
-        deformation.rotation_deg_per_deg,
-        deformation.shift_m_per_deg,
-    ) = (0.0, 0.0);
-    deformation.shift_m_per_m_s2 = 0.0;
-    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
     (deformation.walk_deg, deformation.walk_m) = (0.08, 0.0015);
     let mut case = DemoDrive::simulate(scenario, folder.path()).unwrap();
     case.project.calibration.voxel_sizes_m = vec![0.05, 0.02];

@@ -1,6 +1,6 @@
 //! The joint adjustment of simulated drives: some cases of `examples/joint`, with shorter drives.
 
-use crate::common::joint_drive::{Run, Setup};
+use crate::common::joint_drive::{Run, Setup, bend};
 use boresight::joint::{JointSettings, MountingMotion, Rung};
 use boresight::nalgebra::DVector;
 use boresight::simulation::Scenario;
@@ -80,12 +80,7 @@ fn a_rigid_drive_over_rolling_ground_stays_rigid() {
 #[ignore = "just acceptance"]
 fn a_frame_that_bends_over_rolling_ground_follows_its_load() {
     let mut scenario = on_rolling_soil(Scenario::demo());
-    let deformation = &mut scenario.deformation;
-    deformation.enabled = true;
-    deformation.rotation_deg_per_deg *= 0.25;
-    deformation.shift_m_per_deg *= 0.25;
-    deformation.shift_m_per_m_s2 = 0.0;
-    (deformation.drift_deg, deformation.drift_m) = (0.0, 0.0);
+    bend(&mut scenario, 0.25);
     let (run, ratio) = with_imu_ratio(&Setup::new(scenario));
     assert_eq!(run.joint.rung, Rung::Compliance);
     assert!(ratio < 1.15 && run.one_piece.points_m < 0.0007);
@@ -151,11 +146,9 @@ fn the_bending_of_a_known_mounting_is_estimated_without_a_reference() {
 fn a_frame_follows_the_temperature_of_its_log() {
     let mut scenario = Scenario::demo();
     scenario.drives[0].passes.truncate(7);
-    let bend = &mut scenario.deformation;
-    bend.enabled = true;
-    (bend.rotation_deg_per_deg, bend.shift_m_per_deg) = (0.0, 0.0);
-    (bend.shift_m_per_m_s2, bend.drift_deg, bend.drift_m) = (0.0, 0.0, 0.0);
-    (bend.warming_deg, bend.warming_m) = (0.2, 0.008);
+    bend(&mut scenario, 0.0);
+    let deformation = &mut scenario.deformation;
+    (deformation.warming_deg, deformation.warming_m) = (0.2, 0.008);
     let folder = tempfile::tempdir().unwrap();
     let adjusted = |logged: bool| {
         let setup = Setup {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::Instant;
 
+use crate::common::joint_drive::bend;
 use crate::common::small_field::Field;
 use crate::common::{files, write_files};
 use boresight::geometry::BodyFromScanner;
@@ -204,10 +205,7 @@ fn a_clean_drive_raises_no_alarm() {
 fn a_frame_that_bends_is_modelled_and_reported() {
     let temp = tempfile::tempdir().unwrap();
     let field = Field::new(&temp.path().join("bent"), 1, |scenario| {
-        let frame = &mut scenario.deformation;
-        frame.enabled = true;
-        (frame.rotation_deg_per_deg, frame.shift_m_per_deg) = (0.05, 0.002);
-        (frame.shift_m_per_m_s2, frame.drift_deg, frame.drift_m) = (0.0, 0.0, 0.0);
+        bend(scenario, 0.25);
     });
     let findings = field.run().unwrap();
     let joint = findings.calibrations.accepted().unwrap();

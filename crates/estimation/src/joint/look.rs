@@ -10,7 +10,7 @@ use super::problem::JointProblem;
 use super::row::{row_trust, surfel_trust};
 use super::scan::{Mean, StepScans};
 use super::state::State;
-use super::surfel::{RowPoint, ScanRow};
+use super::surfel::ScanRow;
 use crate::geometry::{Mat3, Vec3};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
@@ -26,22 +26,22 @@ impl JointProblem<'_> {
         state: &State,
         evaluate: impl Fn(usize, &ScanRow, &Mean) -> T + Sync,
     ) -> Vec<T> {
-        self.each_row(state, |drive, row, points, scans| {
-            evaluate(drive, row, &scans.mean(row, points, row.depth_m))
+        self.each_row(state, |drive, row, scans| {
+            evaluate(drive, row, &scans.mean(row))
         })
     }
 
     /// As [`Self::each_mean`], of the residual of each row in standard deviations.
     fn each_residual(&self, state: &State) -> Vec<f64> {
-        self.each_row(state, |drive, row, points, scans| {
-            scans.residual_m(row, points, row.depth_m) / self.noise(state, drive, row).1
+        self.each_row(state, |drive, row, scans| {
+            scans.residual_m(row) / self.noise(state, drive, row).1
         })
     }
 
     fn each_row<T: Send>(
         &self,
         state: &State,
-        evaluate: impl Fn(usize, &ScanRow, &[RowPoint], &StepScans<'_>) -> T + Sync,
+        evaluate: impl Fn(usize, &ScanRow, &StepScans<'_>) -> T + Sync,
     ) -> Vec<T> {
         let drives = state.motions.iter().map(AsRef::as_ref).enumerate();
         let of_drive = |(drive, motion): (usize, &dyn Motion)| {
@@ -50,7 +50,7 @@ impl JointProblem<'_> {
                 let poses = motion.poses(step);
                 let rows = context.rows.of_step(step);
                 let scans = StepScans::new(&context, &poses, rows);
-                let of_row = |row| evaluate(drive, row, context.rows.points_of(row), &scans);
+                let of_row = |row| evaluate(drive, row, &scans);
                 rows.iter().map(of_row).collect::<Vec<T>>()
             };
             let steps = (0..motion.steps()).into_par_iter();

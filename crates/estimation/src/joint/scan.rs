@@ -224,8 +224,9 @@ impl<'a> StepScans<'a> {
         from.translation_m + from.rotation * in_body
     }
 
-    /// The residual of a row as in [`Self::mean`], without derivatives, metres; `depth_m` is d₀.
-    pub fn residual_m(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> f64 {
+    /// The residual of a row as in [`Self::mean`], without derivatives, metres.
+    pub fn residual_m(&self, row: &ScanRow) -> f64 {
+        let points = self.context.rows.points_of(row);
         let scanner = row.scanner as usize;
         let surfel = &self.context.surfels[row.surfel as usize];
         let (mut sum, mut arms) = (Vec3::zeros(), Vec3::zeros());
@@ -240,8 +241,8 @@ impl<'a> StepScans<'a> {
         let residual_m = self.height_m(row, &mean);
         let pose = self.profile(scanner, points[points.len() / 2].profile);
         let now_m = pose.rotation.tr_mul(&surfel.axes[0]).dot(&arm);
-        if is_scaled(depth_m, now_m) {
-            residual_m * (depth_m / now_m)
+        if is_scaled(row.depth_m, now_m) {
+            residual_m * (row.depth_m / now_m)
         } else {
             residual_m
         }
@@ -256,8 +257,9 @@ impl<'a> StepScans<'a> {
         normal.dot(point_m) - (shape.x + shape.y * u + shape.z * v)
     }
 
-    /// The mean of a row; `depth_m` is d₀.
-    pub fn mean(&self, row: &ScanRow, points: &[RowPoint], depth_m: f64) -> Mean {
+    /// The mean of a row.
+    pub fn mean(&self, row: &ScanRow) -> Mean {
+        let points = self.context.rows.points_of(row);
         let scanner = row.scanner as usize;
         let surfel = &self.context.surfels[row.surfel as usize];
         let shape = &self.context.shapes[row.surfel as usize];
@@ -272,10 +274,10 @@ impl<'a> StepScans<'a> {
         let pose = self.profile(scanner, points[points.len() / 2].profile);
         let in_body = pose.rotation.tr_mul(normal);
         row_mean.depth_m = in_body.dot(&arm);
-        if is_scaled(depth_m, row_mean.depth_m) {
+        if is_scaled(row.depth_m, row_mean.depth_m) {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
             let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
-            row_mean.scale(depth_m, &moment, by_late);
+            row_mean.scale(row.depth_m, &moment, by_late);
             let by_pose = moment.map(|x| -x * row_mean.residual_m / row_mean.depth_m);
             self.poses
                 .pull_back(pose.time_s, &by_pose, &mut row_mean.by_nodes);
@@ -431,15 +433,14 @@ pub fn rows(
     let scans = StepScans::new(context, &poses, rows);
     let of_step = blocks.of_step(motion, step);
     for row in rows {
-        let points = context.rows.points_of(row);
         let (group, sigma_m) = noise(row);
         let w = 1.0 / sigma_m;
         if !batch.has_derivatives() {
-            let residual_m = scans.residual_m(row, points, row.depth_m);
+            let residual_m = scans.residual_m(row);
             batch.begin_robust(row.trust, group, residual_m * w);
             continue;
         }
-        let mean = scans.mean(row, points, row.depth_m);
+        let mean = scans.mean(row);
         batch.begin_robust(row.trust, group, mean.residual_m * w);
         batch.touch(
             blocks.first_surfel + row.surfel as usize,

@@ -9,10 +9,9 @@ fn a_reference_that_moves_along_a_sloping_surfel_rises_with_it() {
     let case = Case::from_file();
     let input = case.input();
     let (problem, mut state) = case.problem(&input);
-    let surfels = problem.association.surfels.iter();
+    let mut surfels = problem.association.surfels.iter();
     let (surfel, prior) = surfels
-        .filter_map(|surfel| Some((surfel, surfel.prior.as_ref()?)))
-        .next()
+        .find_map(|surfel| Some((surfel, surfel.prior.as_ref()?)))
         .expect("a reference");
     let shape = Vec3::new(1e-4, 0.01, -0.02);
     let rows = |state: &State| problem.reference_rows(surfel, prior, &shape, state);

@@ -1,4 +1,4 @@
-//! The size of surfels and the orientation of their voxels.
+//! The size of surfels by what they leave of the ground.
 
 use super::columns::{NOISE_M, SIZE_M, associated_in, plane};
 use crate::geometry::Vec3;

@@ -1,5 +1,6 @@
 //! A drive with logs: the chain of the trajectory's own graph, with its nodes, biases and constants.
 
+mod poses;
 mod residuals;
 
 use std::borrow::Cow;
@@ -10,17 +11,15 @@ use nalgebra::DMatrix;
 
 use crate::adjustment::{ChainProblem, ChainStep, NODE, Rows, SEGMENT, STEP};
 use crate::geometry::Vec3;
-use crate::geometry::so3::exp;
 use crate::joint::motion::gauss_markov::GaussMarkov;
-use crate::joint::motion::knots::{AT_BRIDGE, BRIDGE, Knot, StepPoses, node_derivative};
+use crate::joint::motion::knots::{BRIDGE, StepPoses};
 use crate::joint::motion::{ConstantValue, Motion, Places, PositionBlocks, PositionResiduals};
 use crate::joint::row::RowBatch;
 use crate::sensor::PoseRecord;
 use crate::trajectory::PosteriorCovariance;
 use crate::trajectory::graph::{Graph, Source};
-use crate::trajectory::imu_series::{ImuSeries, SAME_INSTANT_S};
-use crate::trajectory::recovery::Recovery;
-use crate::trajectory::states::{NodeState, State};
+use crate::trajectory::imu_series::ImuSeries;
+use crate::trajectory::states::State;
 
 /// The part of a sensor's error that is correlated in time.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +67,7 @@ impl ChainMotion {
         };
         Self {
             bridges: vec![Vec3::zeros(); graph.timeline.steps()],
-            poses: no_poses(graph.timeline.steps()),
+            poses: Self::no_poses(graph.timeline.steps()),
             graph: Arc::new(graph.clone()),
             imu: Arc::new(imu.clone()),
             state: state.clone(),
@@ -80,7 +79,7 @@ impl ChainMotion {
     /// The same chain with the standard deviations of the IMU multiplied by `factor`.
     pub fn with_noise_scaled(mut self, factor: f64) -> Self {
         Arc::make_mut(&mut self.graph).imu_scale *= factor;
-        self.poses = no_poses(self.steps());
+        self.poses = Self::no_poses(self.steps());
         self
     }
 
@@ -113,68 +112,6 @@ impl ChainMotion {
         let density = self.graph.noise.gyro_density * self.graph.imu_scale;
         let duration_s = node_s[step + 1] - node_s[step];
         density * (2.0 * duration_s).sqrt() / PI
-    }
-
-    /// The value of a step's bridge at a time, as a share of its middle value.
-    fn bridge_share(&self, step: usize, time_s: f64) -> f64 {
-        let node_s = &self.graph.timeline.node_s;
-        let u = (time_s - node_s[step]) / (node_s[step + 1] - node_s[step]);
-        (PI * u).sin()
-    }
-
-    /// The pose of a step with its bridge.
-    fn bridged(&self, step: usize, mut record: PoseRecord) -> PoseRecord {
-        let turn_rad = self.bridges[step] * self.bridge_share(step, record.time_s);
-        record.world_from_body.rotation *= exp(&turn_rad);
-        record
-    }
-
-    /// The poses within a step. The effect of the bias on the poses between two nodes is neglected: over the eighth of a
-    /// second from node to node it is Δt²/16 of an accelerometer's bias, a micrometre.
-    fn recovered(&self, step: usize) -> StepPoses {
-        let node_s = &self.graph.timeline.node_s;
-        let at_node = |node: usize, first: usize| {
-            let NodeState {
-                world_from_body,
-                velocity_m_s,
-            } = self.state.nodes[node];
-            Knot {
-                time_s: node_s[node],
-                world_from_body,
-                velocity_m_s: Some(velocity_m_s),
-                by: node_derivative(first),
-            }
-        };
-        let mut knots = vec![at_node(step, 0)];
-        let recovery = Recovery {
-            graph: &self.graph,
-            state: &self.state,
-            imu: &self.imu,
-        };
-        recovery.step(step, |pose| {
-            let time_s = pose.record.time_s;
-            let inside = time_s > node_s[step] + SAME_INSTANT_S
-                && time_s < node_s[step + 1] - SAME_INSTANT_S;
-            if inside {
-                let rows = pose.rows();
-                let share = self.bridge_share(step, time_s);
-                let record = self.bridged(step, pose.record);
-                knots.push(Knot {
-                    time_s,
-                    world_from_body: record.world_from_body,
-                    velocity_m_s: record.velocity_m_s,
-                    by: std::array::from_fn(|i| {
-                        std::array::from_fn(|j| match j {
-                            j if j < AT_BRIDGE => rows[i][j],
-                            j if j - AT_BRIDGE == i => share,
-                            _ => 0.0,
-                        })
-                    }),
-                });
-            }
-        });
-        knots.push(at_node(step + 1, NODE));
-        StepPoses { knots, width: NODE }
     }
 
     /// Group of the headings.
@@ -293,11 +230,6 @@ impl ChainMotion {
     }
 }
 
-/// Room for the poses of all steps.
-fn no_poses(steps: usize) -> Arc<[OnceLock<StepPoses>]> {
-    (0..steps).map(|_| OnceLock::new()).collect()
-}
-
 /// The correlated error e of one record: its residual r becomes r + W e.
 struct ErrorRows<'a> {
     process: &'a GaussMarkov,
@@ -396,7 +328,7 @@ impl Motion for ChainMotion {
             border: constants.to_vec(),
         };
         let mut moved = self.clone();
-        moved.poses = no_poses(self.steps());
+        moved.poses = Self::no_poses(self.steps());
         moved.state = self.graph.retracted(&self.state, &step);
         for process in moved.correlated.iter_mut().flatten() {
             let (step, rest) = errors.split_at(process.value.len());
@@ -429,11 +361,7 @@ impl Motion for ChainMotion {
         &self,
         covariance: Option<&(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync)>,
     ) -> Vec<PoseRecord> {
-        let recovery = Recovery {
-            graph: &self.graph,
-            state: &self.state,
-            imu: &self.imu,
-        };
+        let recovery = self.recovery();
         let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
         for step in 0..self.steps() {
             let unknowns = covariance.and_then(|block| self.step_covariance(step, block));
@@ -479,29 +407,5 @@ impl Motion for ChainMotion {
         sensors
             .map(|(sensor, name)| self.residuals_of(sensor, name))
             .collect()
-    }
-}
-
-impl ChainMotion {
-    /// The covariance of the unknowns of a step: both nodes and the bias.
-    fn step_covariance(
-        &self,
-        step: usize,
-        covariance: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
-    ) -> Option<[[f64; STEP]; STEP]> {
-        let segment = self.nodes() + self.graph.layout().segment(step);
-        let blocks = [(step, 0), (step + 1, NODE), (segment, 2 * NODE)];
-        let mut all = [[0.0; STEP]; STEP];
-        for (a, row) in blocks {
-            for (b, column) in blocks {
-                let part = covariance(a, b)?;
-                for i in 0..part.nrows() {
-                    for j in 0..part.ncols() {
-                        all[row + i][column + j] = part[(i, j)];
-                    }
-                }
-            }
-        }
-        Some(all)
     }
 }
