@@ -73,6 +73,10 @@ montecarlo SEEDS="10":
 joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
+# Runs SEEDS drives that are drawn at random, and compares the results with the truth
+random SEEDS="20" FIRST="1":
+    cargo run --release --features examples --example random -- {{SEEDS}} {{FIRST}}
+
 # Simulated campaigns of 20 days with a knock on day 7: the tables of docs/drift.md
 drift SEEDS="3" FIRST="1" *ARGS:
     cargo run --release --features examples --example drift -- {{SEEDS}} {{FIRST}} {{ARGS}}

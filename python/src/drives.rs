@@ -8,6 +8,7 @@ use boresight::pipeline::{self, Options, Outcome, Placement, stages};
 use boresight::progress::Progress;
 use boresight::project::Project;
 use boresight::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
+use boresight::simulation::Scenario;
 use boresight::trajectory::{
     HeadingSettings, ImuDatasheet, ImuNoise, MotionLogs, PoseGradient, PositionSettings,
     PosteriorCovariance, Solution, TrajectorySettings, estimate,
@@ -307,6 +308,6 @@ fn simulate(
             seed,
             fresh: false,
         };
-        pipeline::simulate(&scenario, &options, progress).map(parts)
+        pipeline::simulate(Scenario::load(&scenario)?, &options, progress).map(parts)
     })
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::context::Context;
 use crate::error::{Error, Location, Result};
 use crate::pipeline::{self, Outcome};
+use crate::simulation::Scenario;
 
 /// Write simulated drives as sensor files, together with the truth
 #[derive(Debug, clap::Args)]
@@ -12,6 +13,9 @@ pub(super) struct Simulate {
     /// `demo`, `full` (the paper's size) or a scenario file
     #[arg(long, value_name = "NAME|FILE", default_value = "demo")]
     scenario: String,
+    /// Draw ground, robot, sensors and route with this seed instead
+    #[arg(long, value_name = "SEED", conflicts_with = "scenario")]
+    random: Option<u64>,
     /// Folder for the drives
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -35,7 +39,11 @@ impl Simulate {
             ));
         }
         context.logged(&self.out, &[scenario], |options| {
-            pipeline::simulate(&self.scenario, options, &context.terminal)
+            let scenario = match self.random {
+                Some(seed) => Scenario::random(seed),
+                None => Scenario::load(&self.scenario)?,
+            };
+            pipeline::simulate(scenario, options, &context.terminal)
         })
     }
 }

@@ -76,12 +76,15 @@ fn truth(project: &Project, scenario: &Scenario, folder: &Path) -> Result<Truth>
     })
 }
 
-/// Writes the drives of `scenario` (a name or a file) as sensor files, together with the truth.
+/// Writes the drives of `scenario` as sensor files, together with the truth.
 ///
 /// # Errors
-/// A scenario that cannot be read, a folder that cannot be written.
-pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    let mut scenario = Scenario::load(scenario)?;
+/// An invalid scenario, a folder that cannot be written.
+pub fn simulate(
+    mut scenario: Scenario,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
     scenario.seed = options.seed.unwrap_or(scenario.seed);
     let files = simulation::simulate(&scenario, &options.out, progress)?;
     let drives: Vec<Value> = files
@@ -98,17 +101,23 @@ pub fn simulate(scenario: &str, options: &Options, progress: &dyn Progress) -> R
         .collect();
     let points: u64 = files.drives.iter().map(|drive| drive.points).sum();
     let mut written: Vec<PathBuf> = files.drives.iter().map(|d| d.project.clone()).collect();
-    written.push(files.reference.clone());
+    written.extend(
+        files
+            .reference
+            .iter()
+            .map(|reference| reference.file.clone()),
+    );
+    let reference = files.reference.as_ref();
     Ok(Outcome {
         result: json!({
             "drives": drives,
-            "reference": { "file": files.reference, "points": files.reference_points },
+            "reference": reference.map(|r| json!({ "file": r.file, "points": r.points })),
         }),
         verdicts: None,
         summary: format!(
             "{} drives, {points} laser points, {} reference points",
             drives.len(),
-            files.reference_points
+            reference.map_or(0, |reference| reference.points)
         ),
         files: written,
     })

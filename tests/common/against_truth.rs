@@ -58,6 +58,26 @@ pub fn middle(
     near.perturbed(&(turns / count), &(shifts / count))
 }
 
+/// Replaces true and adjusted mountings by their means over the part of the drive that the true motion covers.
+pub fn average_over_motion(
+    truth: &mut [BodyFromScanner],
+    mountings: &mut [BodyFromScanner],
+    moving: &[Trajectory],
+    bending: &[MovedMounting],
+) {
+    for (scanner, moving) in moving.iter().enumerate() {
+        let (records, mean) = (moving.poses().iter(), mountings[scanner]);
+        let exact = records
+            .clone()
+            .map(|pose| as_mounting(&pose.world_from_body));
+        truth[scanner] = middle(&truth[scanner], exact);
+        if let Some(moved) = bending.get(scanner) {
+            let now = records.map(|pose| moved.offsets.apply(&mean, pose.time_s));
+            mountings[scanner] = middle(&mean, now);
+        }
+    }
+}
+
 /// The true mountings along a drive; empty if they are rigid.
 pub fn true_mountings(scenario: &Scenario, drive: &SimulatedDrive) -> Result<Vec<Trajectory>> {
     if !scenario.deformation.enabled {

@@ -15,7 +15,7 @@ use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
 
 pub use super::against_truth::Outcome;
-use super::against_truth::{Check, as_mounting, middle, true_mountings, true_poses};
+use super::against_truth::{Check, average_over_motion, true_mountings, true_poses};
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;
@@ -223,21 +223,8 @@ impl Run {
         let evaluation = evaluation.transpose()?;
         let moving = &check.moving;
         let mut truth = truth.clone();
-        // The true motion covers only a part of the drive: compare means over that part.
-        for (scanner, moving) in moving.iter().enumerate() {
-            let (records, mounting) = (moving.poses().iter(), &mut one_piece.mountings[scanner]);
-            let mean = *mounting;
-            truth[scanner] = middle(
-                &truth[scanner],
-                records
-                    .clone()
-                    .map(|pose| as_mounting(&pose.world_from_body)),
-            );
-            if let Some(moved) = joint.drives[0].bending.get(scanner) {
-                let now = records.map(|pose| moved.offsets.apply(&mean, pose.time_s));
-                *mounting = middle(&mean, now);
-            }
-        }
+        let (mountings, bending) = (&mut one_piece.mountings, &joint.drives[0].bending);
+        average_over_motion(&mut truth, mountings, moving, bending);
         Ok(Self {
             evaluation,
             truth,

@@ -9,6 +9,7 @@ use boresight::pipeline::online::{Source, online};
 use boresight::pipeline::{self, Options, Outcome};
 use boresight::progress::Progress;
 use boresight::project::Project;
+use boresight::simulation::Scenario;
 use boresight::tiles::{Comparison, FeatureSettings, NormalSource};
 use boresight::{Error, Result};
 
@@ -102,7 +103,7 @@ fn simulations_can_be_cancelled() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = scenario(folder.path());
     assert_cancellable("simulate", 4, &EVERYWHERE, |options, progress| {
-        pipeline::simulate(&scenario, options, progress)
+        pipeline::simulate(Scenario::load(&scenario)?, options, progress)
     });
 }
 

@@ -90,6 +90,7 @@ impl Scenario {
             ),
             ("heading.correlation_s", heading.correlation_s, POSITIVE),
             ("profiles.rate_hz", profiles.rate_hz, RATE),
+            ("profiles.step_m", profiles.step_m, (0.0, 0.1)),
             ("profiles.fan_deg", profiles.fan_deg, (1.0, 170.0)),
             ("profiles.grazing_deg", profiles.grazing_deg, (0.0, 90.0)),
             ("profiles.dropout", profiles.dropout, SHARE),
@@ -160,6 +161,13 @@ impl Scenario {
                 .map(move |&v| (key, v, range))
                 .collect::<Vec<_>>()
         };
+        let project = &self.project;
+        bounds.push(("project.sigma_reference_m", project.sigma_reference_m, ANY));
+        bounds.extend(each(
+            "project.voxel_sizes_m",
+            &project.voxel_sizes_m,
+            POSITIVE,
+        ));
         bounds.extend(each("field.size_m", &self.field.size_m, (0.1, 1e3)));
         bounds.extend(each(
             "motion.wheelbase_track_m",

@@ -6,7 +6,7 @@ use super::field::{
 use super::scenario::Scenario;
 use super::sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
-    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
+    ProfileSettings, ProjectSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 use crate::geometry::BodyAxes;
 
@@ -50,6 +50,7 @@ impl Default for Scenario {
             lidar: LidarSettings::default(),
             reference: ReferenceSettings::default(),
             deformation: DeformationSettings::default(),
+            project: ProjectSettings::default(),
             boards: vec![
                 board(1.6, 1.4, 30.0, 70.0),
                 board(5.9, 1.4, 15.0, 310.0),
@@ -190,6 +191,7 @@ impl Default for PrismSettings {
 impl Default for HeadingSettings {
     fn default() -> Self {
         Self {
+            enabled: true,
             rate_hz: 5.0,
             sigma_deg: 0.7,
             mounting_offset_deg: 0.0,
@@ -208,6 +210,7 @@ impl Default for ProfileSettings {
             fan_deg: 70.0,
             range_m: [0.35, 1.85],
             sigma_m: [0.0001, 0.0003],
+            step_m: 0.0,
             grazing_deg: 75.0,
             dropout: 0.003,
             edge_m: 0.03,
@@ -233,12 +236,23 @@ impl Default for LidarSettings {
 impl Default for ReferenceSettings {
     fn default() -> Self {
         Self {
+            enabled: true,
             board_spacing_m: 0.003,
             soil_spacing_m: 0.006,
             sigma_m: 0.0005,
             offset_m: [0.0; 3],
             surface_error_m: 0.0,
             surface_error_scale_m: 0.3,
+        }
+    }
+}
+
+impl Default for ProjectSettings {
+    fn default() -> Self {
+        Self {
+            voxel_sizes_m: vec![0.05, 0.04, 0.03, 0.02, 0.01, 0.005],
+            states_correlated: false,
+            sigma_reference_m: 0.0,
         }
     }
 }

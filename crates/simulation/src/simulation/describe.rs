@@ -72,8 +72,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
          [imu]\nfile = \"imu.csv\"\n\
          gyro_noise_deg_sqrt_h = {:?}\naccel_noise_ug_sqrt_hz = {:?}\n\
          gyro_bias_instability_deg_h = {:?}\naccel_bias_instability_ug = {:?}\n\n\
-         [prism]\nfile = \"prism.csv\"\nsigma_m = {:?}\nlever_arm_m = {}\nsigma_lever_arm_m = 0.0\n\n\
-         [heading]\nfile = \"heading.csv\"\nsigma_deg = {:?}\nmounting_offset_deg = {:?}\n",
+         [prism]\nfile = \"prism.csv\"\nsigma_m = {:?}\nlever_arm_m = {}\nsigma_lever_arm_m = 0.0\n",
         drive_name(index),
         scenario.name,
         scenario.seed,
@@ -84,17 +83,45 @@ fn project(scenario: &Scenario, index: usize) -> String {
         imu.accel_bias_instability_ug,
         prism.sigma_m,
         list(&scenario.lever_arm_m(), 6),
-        heading.sigma_deg,
-        heading.mounting_offset_deg,
     );
+    let stated = scenario.project.states_correlated;
+    if stated && prism.sigma_correlated_m > 0.0 {
+        text += &format!(
+            "sigma_correlated_m = {:?}\ncorrelation_s = {:?}\n",
+            prism.sigma_correlated_m, prism.correlation_s
+        );
+    }
+    if heading.enabled {
+        text += &format!(
+            "\n[heading]\nfile = \"heading.csv\"\nsigma_deg = {:?}\nmounting_offset_deg = {:?}\n",
+            heading.sigma_deg, heading.mounting_offset_deg
+        );
+        if stated && heading.sigma_correlated_deg > 0.0 {
+            text += &format!(
+                "sigma_correlated_deg = {:?}\ncorrelation_s = {:?}\n",
+                heading.sigma_correlated_deg, heading.correlation_s
+            );
+        }
+    }
     for (scanner, initial) in scenario.scanners.iter().zip(scenario.initial_mountings()) {
         text += &scanner_table(&scanner.name, Some(&recording_name(scanner)), &initial, 6);
     }
     if scenario.deformation.warms() {
         text += &format!("\n[bending]\nfile = \"{FRAME_LOG}\"\ncolumns = [\"temperature_c\"]\n");
     }
-    text += "\n[reference]\nfile = \"../tls.laz\"\n\
-             \n[calibration]\nvoxel_sizes_m = [0.05, 0.04, 0.03, 0.02, 0.01, 0.005]\nneighbours = 50\n";
+    if scenario.reference.enabled {
+        text += "\n[reference]\nfile = \"../tls.laz\"\n";
+        if scenario.project.sigma_reference_m > 0.0 {
+            text += &format!(
+                "sigma_m = {:?}\nsigma_deg = 0.0\n",
+                scenario.project.sigma_reference_m
+            );
+        }
+    }
+    let sizes = &scenario.project.voxel_sizes_m;
+    if !sizes.is_empty() {
+        text += &format!("\n[calibration]\nvoxel_sizes_m = {sizes:?}\nneighbours = 50\n");
+    }
     if index == 0 {
         for other in 1..scenario.drives.len() {
             let name = drive_name(other);

@@ -11,6 +11,7 @@ mod clods;
 mod defaults;
 mod deformation;
 mod describe;
+mod draw;
 mod drive;
 mod field;
 mod inertial;
@@ -47,6 +48,6 @@ pub use scenario::Scenario;
 pub use scene::{Hit, Scene, Surface};
 pub use sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
-    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
+    ProfileSettings, ProjectSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
-pub use write::{SimulatedDrive, SimulatedFiles, simulate};
+pub use write::{SimulatedDrive, SimulatedFiles, SimulatedReference, simulate};

@@ -133,6 +133,14 @@ impl<'a> Profiler<'a> {
                 .filter_map(|n| ideal.get(n)?.as_ref().map(|ray| ray.hit.range_m))
                 .find(|other| (other - range).abs() > settings.edge_m)
         };
+        let step_m = settings.step_m;
+        let round = |x: f64| {
+            if step_m > 0.0 {
+                (x / step_m).round() * step_m
+            } else {
+                x
+            }
+        };
         let points = ideal
             .iter()
             .enumerate()
@@ -164,8 +172,8 @@ impl<'a> Profiler<'a> {
                     Surface::Plant => 160.0,
                 };
                 Some((
-                    direction.x * measured,
-                    direction.z * measured,
+                    round(direction.x * measured),
+                    round(direction.z * measured),
                     (albedo * cosine) as u8,
                 ))
             })

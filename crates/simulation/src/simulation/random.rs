@@ -38,6 +38,8 @@ pub enum Purpose {
     Lidar,
     /// Motion of one mounting on one drive.
     Mounting,
+    /// One part of a scenario that is drawn at random.
+    Scenario,
 }
 
 /// The stream of `purpose`; two numbers distinguish streams of the same purpose.

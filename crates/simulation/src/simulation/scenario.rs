@@ -9,7 +9,7 @@ use super::field::{
 };
 use super::sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
-    ProfileSettings, ReferenceSettings, ScannerKind, ScannerSettings,
+    ProfileSettings, ProjectSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
 use crate::error::{Error, Location, Result};
 use crate::geometry::euler::rotation_from_euler_deg;
@@ -51,6 +51,8 @@ pub struct Scenario {
     pub reference: ReferenceSettings,
     /// Deformation of the mountings.
     pub deformation: DeformationSettings,
+    /// What the project files state.
+    pub project: ProjectSettings,
     /// Boards on the field.
     pub boards: Vec<BoardSettings>,
     /// The scanners, with their true and initial mountings.
@@ -133,7 +135,7 @@ impl Scenario {
     }
 
     /// Indices of the scanners of this kind.
-    pub(super) fn scanners_of(&self, kind: ScannerKind) -> Vec<usize> {
+    pub fn scanners_of(&self, kind: ScannerKind) -> Vec<usize> {
         let scanners = self.scanners.iter().enumerate();
         let of_kind = scanners.filter(|(_, scanner)| scanner.kind == kind);
         of_kind.map(|(index, _)| index).collect()

@@ -62,6 +62,8 @@ pub struct PrismSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HeadingSettings {
+    /// Whether there are antennas.
+    pub enabled: bool,
     /// Headings per second.
     pub rate_hz: f64,
     /// White noise, degrees.
@@ -92,6 +94,8 @@ pub struct ProfileSettings {
     pub range_m: [f64; 2],
     /// Noise at the nearest and farthest distance, linear between, metres.
     pub sigma_m: [f64; 2],
+    /// Steps to which recorded coordinates are rounded, metres; zero for those of the file format.
+    pub step_m: f64,
     /// Angle of incidence beyond which there is no return, degrees.
     pub grazing_deg: f64,
     /// Share of points lost at random.
@@ -159,6 +163,8 @@ pub struct ScannerSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ReferenceSettings {
+    /// Whether there is a reference.
+    pub enabled: bool,
     /// Spacing on the boards, metres.
     pub board_spacing_m: f64,
     /// Spacing on the soil, metres.
@@ -172,6 +178,18 @@ pub struct ReferenceSettings {
     pub surface_error_m: f64,
     /// Wavelength of this error in plan view, metres.
     pub surface_error_scale_m: f64,
+}
+
+/// What the project files state about the drives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProjectSettings {
+    /// Voxel sizes of the calibration, metres; empty for those that the calibration chooses itself.
+    pub voxel_sizes_m: Vec<f64>,
+    /// Whether the time-correlated errors of prism and heading are stated.
+    pub states_correlated: bool,
+    /// Standard deviation of a shift of the reference, which then has no tilt, metres; not stated if zero.
+    pub sigma_reference_m: f64,
 }
 
 /// Deformation of the mountings by gravity, by acceleration and with time.

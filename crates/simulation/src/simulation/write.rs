@@ -32,10 +32,17 @@ const DRIVE_EVERY_S: f64 = 1_200.0;
 pub struct SimulatedFiles {
     /// One entry per drive; the project of the first drive evaluates the others.
     pub drives: Vec<SimulatedDrive>,
-    /// The reference cloud.
-    pub reference: PathBuf,
+    /// The reference cloud, if there is one.
+    pub reference: Option<SimulatedReference>,
+}
+
+/// The reference cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SimulatedReference {
+    /// The file.
+    pub file: PathBuf,
     /// Number of its points.
-    pub reference_points: u64,
+    pub points: u64,
 }
 
 /// The files of one drive.
@@ -95,17 +102,21 @@ pub fn simulate(
             points: points + lidar_points,
         });
     }
-    let reference_points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
+    let reference = if scenario.reference.enabled {
+        let points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
+        Some(SimulatedReference {
+            file: out.join("tls.laz"),
+            points,
+        })
+    } else {
+        None
+    };
     describe::write_text(
         &staging.path("scenario.toml"),
         &describe::scenario(scenario)?,
     )?;
     staging.commit()?;
-    Ok(SimulatedFiles {
-        drives,
-        reference: out.join("tls.laz"),
-        reference_points,
-    })
+    Ok(SimulatedFiles { drives, reference })
 }
 
 /// Writes the logs of IMU, prism and heading, and the true trajectory.
@@ -119,10 +130,12 @@ fn write_logs(
     format::write_imu(&at("imu.csv"), &imu.samples)?;
     format::write_trajectory(&at("truth/trajectory.csv"), &imu.truth)?;
     format::write_positions(&at("prism.csv"), &simulate_prism(scenario, drive, index))?;
-    format::write_heading(
-        &at("heading.csv"),
-        &simulate_heading(scenario, drive, index),
-    )?;
+    if scenario.heading.enabled {
+        format::write_heading(
+            &at("heading.csv"),
+            &simulate_heading(scenario, drive, index),
+        )?;
+    }
     if scenario.deformation.enabled {
         write_deformation(scenario, drive, at)?;
     }

@@ -1,0 +1,95 @@
+//! Scenarios drawn at random: what users may bring, far from the demo.
+
+mod draws;
+mod ground;
+mod robot;
+mod sensors;
+
+use draws::Draws;
+
+use super::random::{Purpose, stream};
+use super::scenario::Scenario;
+
+/// The parts of a scenario. Each has random numbers of its own, so that a change of one leaves the others.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    Robot,
+    Scanners,
+    Ground,
+    Route,
+    Imu,
+    Positions,
+    Heading,
+    Reference,
+    Frame,
+}
+
+impl Scenario {
+    /// A scenario with one drive whose ground, robot, sensors, route and faults of the frame are drawn with this seed.
+    /// What the project states about the noise is what it was drawn from.
+    pub fn random(seed: u64) -> Self {
+        let draws = |part: Part| Draws::new(stream(seed, Purpose::Scenario, part as u64, 0));
+        let mut scenario = Self {
+            name: format!("random-{seed}"),
+            seed,
+            ..Self::default()
+        };
+        scenario.project.voxel_sizes_m = Vec::new();
+        let size = robot::body(&mut draws(Part::Robot), &mut scenario);
+        robot::scanners(&mut draws(Part::Scanners), size, &mut scenario);
+        ground::ground(&mut draws(Part::Ground), size, &mut scenario);
+        ground::route(&mut draws(Part::Route), &mut scenario);
+        sensors::imu(&mut draws(Part::Imu), &mut scenario);
+        sensors::positions(&mut draws(Part::Positions), &mut scenario);
+        sensors::heading(&mut draws(Part::Heading), &mut scenario);
+        sensors::reference(&mut draws(Part::Reference), &mut scenario);
+        robot::frame(&mut draws(Part::Frame), &mut scenario);
+        scenario
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sensors::ScannerKind;
+    use super::*;
+
+    const SEEDS: u64 = 300;
+
+    #[test]
+    fn every_drawn_scenario_can_be_simulated() {
+        for seed in 0..SEEDS {
+            let scenario = Scenario::random(seed);
+            scenario
+                .check()
+                .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+            let text = toml::to_string(&scenario).unwrap();
+            assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
+        }
+    }
+
+    #[test]
+    fn the_draws_cover_what_users_bring() {
+        let all: Vec<Scenario> = (0..SEEDS).map(Scenario::random).collect();
+        let share = |what: fn(&Scenario) -> bool| {
+            all.iter().filter(|scenario| what(scenario)).count() as f64 / SEEDS as f64
+        };
+        type Kind = (&'static str, fn(&Scenario) -> bool);
+        let kinds: [Kind; 11] = [
+            ("no boards", |s| s.boards.is_empty()),
+            ("plants", |s| s.plants.count_per_m2 > 0.0),
+            ("clods", |s| s.soil.clod_height_m > 0.0),
+            ("one scanner", |s| s.scanners.len() == 1),
+            ("lidar", |s| !s.scanners_of(ScannerKind::Lidar).is_empty()),
+            ("no heading", |s| !s.heading.enabled),
+            ("no reference", |s| !s.reference.enabled),
+            ("gaps", |s| !s.prism.lost_s.is_empty()),
+            ("lasting errors", |s| s.prism.sigma_correlated_m > 0.0),
+            ("frame not rigid", |s| s.deformation.enabled),
+            ("fast", |s| s.motion.scan_speed_m_s > 1.0),
+        ];
+        for (name, what) in kinds {
+            let share = share(what);
+            assert!((0.05..0.95).contains(&share), "{name}: {share}");
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Drives that are drawn at random, run as a user would, and compared with the truth.
+#![allow(dead_code)] // tests and examples use their parts
+
+use std::path::Path;
+use std::time::Instant;
+
+use boresight::error::Result;
+use boresight::geometry::{BodyFromScanner, Vec3};
+use boresight::joint::{Joint, Rung};
+use boresight::pipeline::{Extras, Findings, Options, analyse};
+use boresight::progress::Silent;
+use boresight::project::Project;
+use boresight::simulation::{ScannerKind, Scenario, SimulatedDrive, simulate};
+use boresight::statistics::rms;
+
+use super::against_truth::{Check, average_over_motion, true_mountings, true_poses};
+
+/// Errors beyond this many standard deviations are not due to chance.
+pub const WRONG_SIGMAS: f64 = 4.0;
+
+/// Parameters of a mounting: a position, then a rotation, in body axes.
+const PARAMETERS: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
+
+/// The method that gave the result.
+pub enum Way {
+    /// No result: the error.
+    Stopped(String),
+    /// Two steps, because the joint adjustment was refused for these reasons.
+    TwoSteps(Vec<String>),
+    /// The joint adjustment with this model of the mountings.
+    Joint(Rung),
+}
+
+/// The error of a parameter and its standard deviation, metres or radians.
+pub struct Deviation {
+    pub parameter: &'static str,
+    pub error: f64,
+    pub sigma: f64,
+}
+
+/// The result of a random drive.
+pub struct Ended {
+    pub scenario: Scenario,
+    pub way: Way,
+    /// Of the parameters that have a standard deviation.
+    pub deviations: Vec<Deviation>,
+    /// Largest error of a position (metres) and of a rotation (radians), whether it has a standard deviation or not: of
+    /// the result and of the initial values.
+    pub worst: [[f64; 2]; 2],
+    /// Errors of points and their standard deviations, world, metres.
+    pub points: Vec<[Vec3; 2]>,
+    /// Codes of the verdicts that need attention.
+    pub warnings: Vec<String>,
+    pub seconds: f64,
+}
+
+impl Ended {
+    /// Simulates the scenario of a seed into a folder, and runs its project.
+    pub fn of_seed(seed: u64, folder: &Path) -> Result<Self> {
+        let scenario = Scenario::random(seed);
+        let files = simulate(&scenario, folder, &Silent)?;
+        let drive = &files.drives[0];
+        let begun = Instant::now();
+        let project = Project::read(&drive.project)?;
+        let options = Options {
+            out: drive.folder.join("out"),
+            seed: None,
+            fresh: false,
+        };
+        let mut ended = match analyse(&project, &options, &Extras::default(), &Silent) {
+            Err(error) => Self {
+                way: Way::Stopped(error.to_string()),
+                deviations: Vec::new(),
+                worst: [[0.0; 2]; 2],
+                points: Vec::new(),
+                warnings: Vec::new(),
+                seconds: 0.0,
+                scenario,
+            },
+            Ok(findings) => Self::compared(scenario, drive, &findings)?,
+        };
+        ended.seconds = begun.elapsed().as_secs_f64();
+        Ok(ended)
+    }
+
+    fn compared(scenario: Scenario, drive: &SimulatedDrive, findings: &Findings) -> Result<Self> {
+        let calibration = &findings.calibrations.result;
+        let mut truth = scenario.true_mountings();
+        let mut mountings = calibration.poses();
+        let joint = findings.calibrations.accepted();
+        let moving = true_mountings(&scenario, drive)?;
+        let bending = joint.map_or(&[][..], |joint| &joint.drives[0].bending);
+        average_over_motion(&mut truth, &mut mountings, &moving, bending);
+        let directions = calibration.observability.unobservable.iter();
+        let held: Vec<(usize, usize)> = directions.flat_map(|d| d.parameters.clone()).collect();
+        let deviations = match &calibration.covariance {
+            None => Vec::new(),
+            Some(all) => deviations(&mountings, &truth, |place| {
+                let is_held = held.contains(&(place / 6, place % 6));
+                if is_held {
+                    0.0
+                } else {
+                    all[(place, place)].sqrt()
+                }
+            }),
+        };
+        let check = Check {
+            scenario: &scenario,
+            samples: &[],
+            exact: &true_poses(drive)?,
+            truth: &scenario.true_mountings(),
+            moving,
+            reference: &[],
+        };
+        // What nothing determines of the mountings is not in the standard deviations of points.
+        let points = joint
+            .filter(|_| held.is_empty())
+            .map_or(Vec::new(), |joint| {
+                let late = |l: &Option<(f64, f64)>| l.map_or(0.0, |l| l.0);
+                let late_s: Vec<f64> = joint.late_s.iter().map(late).collect();
+                check.point_errors(joint, &late_s)
+            });
+        let refused = findings.calibrations.joint.iter();
+        let refused = refused.flat_map(|report| report.refused.clone());
+        let way = joint.map_or_else(
+            || Way::TwoSteps(refused.collect()),
+            |joint: &Joint| Way::Joint(joint.rung),
+        );
+        let marked = findings.verdicts.iter().filter(|v| v.severity.is_marked());
+        Ok(Self {
+            way,
+            worst: [&mountings, &scenario.initial_mountings()].map(|values| worst(values, &truth)),
+            deviations,
+            points,
+            warnings: marked.map(|verdict| verdict.code.clone()).collect(),
+            seconds: 0.0,
+            scenario,
+        })
+    }
+
+    /// The largest error of a parameter in units of its standard deviation; 0 without any.
+    pub fn worst_sigmas(&self) -> f64 {
+        let ratios = self.deviations.iter().map(|d| (d.error / d.sigma).abs());
+        ratios.fold(0.0, f64::max)
+    }
+
+    /// Root mean squares of the errors of points and of their standard deviations, metres.
+    pub fn points_m(&self) -> [f64; 2] {
+        [0, 1].map(|k| rms(self.points.iter().map(|point| point[k].norm())))
+    }
+
+    /// Whether values are wrong and nothing says so.
+    pub fn is_quietly_wrong(&self) -> bool {
+        self.warnings.is_empty() && self.worst_sigmas() > WRONG_SIGMAS
+    }
+
+    /// What was drawn, in a line.
+    pub fn drawn(&self) -> String {
+        let s = &self.scenario;
+        let lidars = s.scanners_of(ScannerKind::Lidar).len();
+        let fans = s.scanners.len() - lidars;
+        let frame = &s.deformation;
+        let frame = match () {
+            () if !frame.enabled => "rigid",
+            () if frame.jump_m > 0.0 => "jumps",
+            () if frame.walk_m > 0.0 => "walks",
+            () if frame.drift_m > 0.0 => "drifts",
+            () => "bends",
+        };
+        format!(
+            "{fans} fans {:.0} Hz x {} at {:.1} mm, {lidars} lidars; {:.1} m high, {:.2} m/s, {} passes; {} boards{}{}; \
+             IMU {:.0} Hz {:.2} °/√h; positions {:.0} Hz {:.0} mm{}{}{}{}; {frame}",
+            s.profiles.rate_hz,
+            s.profiles.width,
+            1e3 * s.profiles.sigma_m[0],
+            s.motion.imu_height_m,
+            s.motion.scan_speed_m_s,
+            s.drives[0].passes.len(),
+            s.boards.len(),
+            if s.soil.clod_height_m > 0.0 {
+                ", clods"
+            } else {
+                ""
+            },
+            if s.plants.count_per_m2 > 0.0 {
+                ", plants"
+            } else {
+                ""
+            },
+            s.imu.rate_hz,
+            s.imu.gyro_noise_deg_sqrt_h,
+            s.prism.rate_hz,
+            1e3 * s.prism.sigma_m,
+            if s.prism.sigma_correlated_m > 0.0 {
+                " lasting"
+            } else {
+                ""
+            },
+            if s.prism.lost_s.is_empty() {
+                ""
+            } else {
+                ", gaps"
+            },
+            if s.heading.enabled {
+                ""
+            } else {
+                ", no heading"
+            },
+            if s.reference.enabled {
+                ""
+            } else {
+                ", no reference"
+            },
+        )
+    }
+
+    /// How it ended, in a line.
+    pub fn line(&self) -> String {
+        let way = match &self.way {
+            Way::Stopped(error) => return format!("stopped: {error}"),
+            Way::TwoSteps(reasons) => format!("two steps ({})", reasons.join("; ")),
+            Way::Joint(rung) => format!("{rung:?}"),
+        };
+        let [[shift_m, turn_rad], [start_m, start_rad]] = self.worst;
+        let [error_m, sigma_m] = self.points_m();
+        format!(
+            "{way}: {:.1} sigma, {:.2} mm, {:.4}° (start {:.0} mm, {:.1}°), points {:.2} mm ({:.2}); {:.0} s; {}",
+            self.worst_sigmas(),
+            1e3 * shift_m,
+            turn_rad.to_degrees(),
+            1e3 * start_m,
+            start_rad.to_degrees(),
+            1e3 * error_m,
+            1e3 * sigma_m,
+            self.seconds,
+            self.warnings.join(" "),
+        )
+    }
+}
+
+/// The largest error of a position (metres) and of a rotation (radians).
+fn worst(mountings: &[BodyFromScanner], truth: &[BodyFromScanner]) -> [f64; 2] {
+    let all = deviations(mountings, truth, |_| 1.0);
+    ["t", "r"].map(|kind| {
+        let of_kind = all.iter().filter(|d| d.parameter.starts_with(kind));
+        of_kind.map(|d| d.error.abs()).fold(0.0, f64::max)
+    })
+}
+
+/// Deviations of the parameters that have a standard deviation.
+fn deviations(
+    mountings: &[BodyFromScanner],
+    truth: &[BodyFromScanner],
+    sigma: impl Fn(usize) -> f64,
+) -> Vec<Deviation> {
+    let pairs = mountings.iter().zip(truth);
+    let errors = pairs.flat_map(|(mounting, truth)| {
+        let (turn, shift) = mounting.perturbation_from(truth);
+        PARAMETERS
+            .into_iter()
+            .zip([shift.x, shift.y, shift.z, turn.x, turn.y, turn.z])
+    });
+    let all = errors
+        .enumerate()
+        .map(|(place, (parameter, error))| Deviation {
+            parameter,
+            error,
+            sigma: sigma(place),
+        });
+    all.filter(|deviation| deviation.sigma > 0.0).collect()
+}
