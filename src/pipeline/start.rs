@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rig::Rig;
 use super::stages::open_profiles;
-use crate::calibration::{ScannerSample, better_start, point_spacing_m};
+use crate::calibration::{Reach, ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -27,8 +27,16 @@ const MAX_MISFIT_M: f64 = 5.0;
 /// The finest scale is at least this, metres, or this share of the median range if that is less.
 const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
-/// The spacing of points is measured over a stretch on which the body moves by this share of the median range.
-const MOVED_SHARE: f64 = 0.05;
+/// Clouds are compared by their heights in columns of half this size, metres: points that are farther from their true
+/// places are near each other in height only by chance.
+const TWO_COLUMNS_M: f64 = 0.5;
+/// The spacing of points is measured over a stretch on which the body moves by these shares of the median range: over
+/// the longer one if the points of the shorter one are sparse, as a lidar's are until the body has moved on.
+const MOVED_SHARES: [f64; 2] = [0.05, 1.0];
+/// Points are sparse if their spacing exceeds this share of the median range.
+const SPARSE_SHARE: f64 = 0.02;
+/// Most points of a stretch.
+const MOST_POINTS: usize = 2_000_000;
 
 /// The rig with scales that match the spacing of its points, if the project asks for automatic scales.
 ///
@@ -47,7 +55,8 @@ pub fn with_scales(
     let mut finest_m: Option<f64> = None;
     for number in 0..project.scanners.len() {
         let scale_m = finest_scale(project, &rig, number, trajectory)?;
-        finest_m = finest_m.into_iter().chain(scale_m).reduce(f64::max);
+        // Points of a sparse scanner lie on the surface that a dense one sees.
+        finest_m = finest_m.into_iter().chain(scale_m).reduce(f64::min);
     }
     let Some(finest_m) = finest_m else {
         progress
@@ -79,25 +88,45 @@ fn finest_scale(
 ) -> Result<Option<f64>> {
     let pose = rig.mountings[scanner].body_from_scanner;
     let mut chunk = Vec::new();
+    let (mut bodies, mut points, mut ranges_m) = (Vec::new(), Vec::new(), Vec::new());
+    let mut shares = MOVED_SHARES.into_iter().peekable();
+    let mut spacing_m = None;
     for mut reader in open_profiles(&project.scanners[scanner])? {
         while reader.next_chunk(&mut chunk)? {
             let mut placing = rig.georeferencer(scanner, trajectory);
-            let placed = chunk.iter().filter_map(|point| {
-                let body = placing.body_at(point).1?;
-                Some((body.translation_m, body.map(&pose.map(&point.position_m))))
-            });
-            let (bodies, points): (Vec<Vec3>, Vec<Vec3>) = placed.unzip();
-            let ranges_m = chunk.iter().map(|point| point.position_m.norm());
-            let (Some(range_m), [first, .., last]) = (median(ranges_m), bodies.as_slice()) else {
+            for point in &chunk {
+                if let Some(body) = placing.body_at(point).1 {
+                    bodies.push(body.translation_m);
+                    points.push(body.map(&pose.map(&point.position_m)));
+                    ranges_m.push(point.position_m.norm());
+                }
+            }
+            let ([first, .., last], Some(range_m)) =
+                (bodies.as_slice(), median(ranges_m.iter().copied()))
+            else {
                 continue;
             };
-            if (last - first).norm() > MOVED_SHARE * range_m {
-                let close_m = CLOSE_M.min(CLOSE_SHARE * range_m);
-                return Ok(point_spacing_m(&points, range_m).map(|m| m.max(close_m)));
+            let moved_m = (last - first).norm();
+            if shares.next_if(|share| moved_m > share * range_m).is_none() {
+                // A body that stands shows nothing new.
+                if points.len() > MOST_POINTS {
+                    if spacing_m.is_some() {
+                        return Ok(spacing_m);
+                    }
+                    (bodies, points, ranges_m) = Default::default();
+                }
+                continue;
+            }
+            let close_m = CLOSE_M.min(CLOSE_SHARE * range_m);
+            let now_m = point_spacing_m(&points, range_m).map(|m| m.max(close_m));
+            spacing_m = now_m.or(spacing_m);
+            let is_dense = spacing_m.is_some_and(|m| m < SPARSE_SHARE * range_m);
+            if is_dense || shares.peek().is_none() || points.len() > MOST_POINTS {
+                return Ok(spacing_m);
             }
         }
     }
-    Ok(None)
+    Ok(spacing_m)
 }
 
 /// The start of the calibration of a project.
@@ -130,7 +159,14 @@ pub fn start(
     let stage = progress.stage("checking the placement", SEARCH_UNITS + 2);
     let initial = placed(rig);
     progress.advance(1);
-    let better = better_start(&rig.mountings, samples, reference);
+    // The calibration aligns clouds that are near.
+    let is_near = rough_m(samples) < TWO_COLUMNS_M
+        && initial.apart_m().is_some_and(|m| m < Reach::ROUGH.shift_m);
+    let better = if is_near {
+        None
+    } else {
+        better_start(&rig.mountings, samples, reference)
+    };
     progress.advance(SEARCH_UNITS);
     let better = better.map(|poses| rig.with_poses(&poses));
     let better = better.map(|rig| (placed(&rig), rig));
@@ -151,25 +187,40 @@ pub fn start(
     for verdict in &verdicts {
         progress.verdict(&verdict.text);
     }
-    let fewest = NEIGHBOURHOODS * project.calibration.neighbours;
-    begin.voxel_sizes_m = scales_for(&begin, fewest, samples, apart_m, progress);
+    begin.voxel_sizes_m = scales_for(project, &begin, samples, apart_m, progress);
     Start {
         rig: begin,
         verdicts,
     }
 }
 
-/// The scales of `rig`, preceded by coarser ones if the clouds lie too far apart for them, as long as these have at
-/// least `fewest` points.
+/// The distance by which rough initial values move points, metres.
+fn rough_m(samples: &[ScannerSample]) -> f64 {
+    let ranges_m = samples.iter().filter_map(|sample| {
+        let points = sample.points.iter();
+        median(points.map(|point| point.position_m.norm()))
+    });
+    Reach::ROUGH.displacement_m(ranges_m.fold(0.0, f64::max))
+}
+
+/// The scales of `rig`, without automatic ones that are coarser than rough initial values need, and preceded by coarser
+/// ones if the clouds lie too far apart for them, as long as these have enough points.
 fn scales_for(
+    project: &Project,
     rig: &Rig,
-    fewest: usize,
     samples: &[ScannerSample],
     apart_m: Option<f64>,
     progress: &dyn Progress,
 ) -> Vec<f64> {
+    let fewest = NEIGHBOURHOODS * project.calibration.neighbours;
     let mut sizes = rig.voxel_sizes_m.clone();
     let reach_m = apart_m.unwrap_or(0.0);
+    if project.has_auto_scales {
+        // Coarser scales than rough initial values need only see more of the relief.
+        let finest_m = rig.finest_m();
+        let coarsest_m = (SCALE_PER_MISFIT * rough_m(samples)).max(finest_m);
+        sizes.retain(|size_m| *size_m <= coarsest_m);
+    }
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);
     let voxels = |voxel_m: f64| {
         let placed = samples.iter().zip(&rig.mountings);

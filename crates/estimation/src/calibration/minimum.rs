@@ -1,5 +1,5 @@
 //! Test whether the minimum is the only one within reach: the mountings are moved away several times, by as much
-//! as the coarsest scale can correct, and must come back.
+//! as the coarsest scale can correct and rough initial values are wrong, and must come back.
 
 use std::sync::Arc;
 
@@ -7,11 +7,12 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use super::adjust::minimise;
+use super::align::align;
 use super::input::Input;
 use super::observability::Observability;
 use super::parameters::{Mounting, moved, poses};
 use super::scale::{ScaleProblem, State};
-use super::settings::CalibrationSettings;
+use super::settings::{CalibrationSettings, Reach};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
@@ -43,7 +44,7 @@ pub struct Minimum {
     pub starts: u64,
     /// Number of times that they came back.
     pub back: u64,
-    /// Other mountings at which the coarsest scale fits as well, if there are any.
+    /// Other mountings at which the coarsest scale fits as well, if there are any that the initial values allow.
     pub alternative: Option<Vec<Mounting>>,
 }
 
@@ -87,12 +88,21 @@ impl Minimum {
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
         let adjusted = |mountings: Vec<Mounting>| -> Result<State> {
-            let start = problem.at(mountings);
+            let aligned = align(&problem, &mountings, settings.pass_gap_s, progress)?;
+            let start = problem.at(aligned);
             let observability = Observability::new(&start.equations, &start.mountings);
             Ok(minimise(&problem, start, &observability, progress)?.state)
         };
         let nearest_minimum = adjusted(solution.to_vec())?;
-        let (shift_m, turn_rad) = (voxel_m, voxel_m / range_m);
+        // All axes are moved at once.
+        let shift_m = voxel_m.min(Reach::ROUGH.shift_m / 3f64.sqrt());
+        let turn_rad = (voxel_m / range_m).min(Reach::ROUGH.turn_rad / 3f64.sqrt());
+        let is_possible = |state: &State| {
+            let pairs = state.mountings.iter().zip(&input.mountings);
+            pairs.clone().all(|(end, initial)| {
+                !Reach::WRONG.is_exceeded(&end.body_from_scanner, &initial.body_from_scanner)
+            })
+        };
         let determined = Observability::new(&nearest_minimum.equations, &nearest_minimum.mountings)
             .determined(&nearest_minimum.mountings);
         let mut minimum = Self {
@@ -115,7 +125,7 @@ impl Minimum {
                 .largest_displacement(&poses(&nearest_minimum.mountings), &poses(&end.mountings));
             if apart_m < SAME_SHARE * voxel_m {
                 minimum.back += 1;
-            } else if fits_as_well(&end, &nearest_minimum, voxel_m) {
+            } else if is_possible(&end) && fits_as_well(&end, &nearest_minimum, voxel_m) {
                 minimum.alternative = Some(end.mountings);
             }
         }

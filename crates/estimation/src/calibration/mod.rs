@@ -1,11 +1,12 @@
 //! Calibration of the mountings of all scanners at once: the neighbourhoods of points are made as
 //! flat as possible, coarse to fine (after Esser et al. 2024), with or without a reference.
 //!
-//! Start with [`calibrate`], the algorithm; then see `cost.rs` (the mathematics), `adjust.rs` (one
-//! scale), `observability.rs` and `uncertainty.rs` (the quality of the result), and `constancy.rs`
+//! Start with [`calibrate`], the algorithm; then see `cost.rs` (the mathematics), `align.rs` (a rough start), `adjust.rs`
+//! (one scale), `observability.rs` and `uncertainty.rs` (the quality of the result), and `constancy.rs`
 //! and `gap.rs` (whether the mounting is constant).
 
 mod adjust;
+mod align;
 mod constancy;
 mod cost;
 mod gap;
@@ -42,12 +43,13 @@ pub use sample::{ScannerSample, sample_profiles};
 pub use scale::Ending;
 pub use search::better_start;
 pub use serialize::{MountingForms, ScannerResult};
-pub use settings::{CalibrationSettings, Method};
+pub use settings::{CalibrationSettings, Method, Reach};
 pub use spacing::point_spacing_m;
 pub use variant::Variant;
 
 use crate::error::{Error, Problem, Result};
 use crate::progress::{Progress, Steps};
+use crate::statistics::median;
 use scale::{Adjusted, ScaleProblem, Solved, State};
 
 /// Largest number of neighbourhoods in the cost of one scale. With more scanner points, every
@@ -192,7 +194,14 @@ fn solve_scale(
         stride: points.div_ceil(MAX_CENTRES).max(1),
         max_iterations: settings.max_iterations,
     };
-    let start = problem.at(mountings);
+    let is_coarsest = settings.voxel_sizes_m.first() == Some(&voxel_m);
+    let begin = match settings.method {
+        Method::TwoStep | Method::Joint if is_coarsest => {
+            align::align(&problem, &mountings, settings.pass_gap_s, progress)?
+        }
+        _ => mountings,
+    };
+    let start = problem.at(begin.clone());
     let observability = Observability::new(&start.equations, &start.mountings);
     let Adjusted {
         state,
@@ -206,6 +215,22 @@ fn solve_scale(
         Method::Paper => paper::minimise(&problem, start.mountings, &observability, progress)?,
     };
     let solved = hold_unobservable_directions(&problem, &input.mountings, state);
+    let (from, to) = (
+        parameters::poses(&begin),
+        parameters::poses(&solved.state.mountings),
+    );
+    let ranges_m = problem
+        .cloud
+        .movable
+        .iter()
+        .map(|point| point.position_m.norm());
+    let farthest_m = Reach::WRONG.displacement_m(median(ranges_m).unwrap_or(0.0));
+    let is_far = problem.cloud.largest_displacement(&from, &to) > farthest_m;
+    let (solved, ending) = if is_far && settings.method != Method::Paper {
+        (problem.solved_at(begin), Ending::Aligned)
+    } else {
+        (solved, ending)
+    };
     let scale = Scale {
         voxel_m,
         iterations,

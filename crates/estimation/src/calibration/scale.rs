@@ -48,6 +48,16 @@ impl ScaleProblem {
         self.state(mountings, surface)
     }
 
+    /// These mountings as a solution.
+    pub fn solved_at(&self, mountings: Vec<Mounting>) -> Solved {
+        let state = self.at(mountings);
+        Solved {
+            observability: Observability::new(&state.equations, &state.mountings),
+            state,
+            floor_m: self.floor_m,
+        }
+    }
+
     /// Builds the normal equations of a surface placed with `mountings`.
     pub fn state(&self, mountings: Vec<Mounting>, surface: Surface) -> State {
         State {
@@ -95,6 +105,10 @@ pub enum Ending {
     /// New neighbourhoods no longer lower the cost; the best mountings so far are the result.
     #[serde(rename = "converged: new neighbourhoods no longer lower the cost")]
     Alternating,
+    /// The neighbourhoods are flatter only farther away than initial values can be wrong, where the clouds have separated or
+    /// lost their relief: the mountings stay as the scale began.
+    #[serde(rename = "kept at the start: flatter only far away")]
+    Aligned,
     /// The data determine no direction of a step.
     #[serde(rename = "not determined by the data")]
     NotDetermined,
@@ -106,7 +120,10 @@ pub enum Ending {
 impl Ending {
     /// Whether more iterations would not have changed the result.
     pub fn is_converged(self) -> bool {
-        matches!(self, Self::Converged | Self::CostFloor | Self::Alternating)
+        matches!(
+            self,
+            Self::Converged | Self::CostFloor | Self::Alternating | Self::Aligned
+        )
     }
 }
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::geometry::BodyFromScanner;
 
 /// Estimation method for mountings on a given trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -18,6 +19,39 @@ pub enum Method {
     /// The paper's method: numeric Jacobian of the omnivariances, one point per voxel,
     /// Gauss-Newton.
     Paper,
+}
+
+/// A distance between mountings: a shift and a turn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Metres.
+    pub shift_m: f64,
+    /// Radians.
+    pub turn_rad: f64,
+}
+
+impl Reach {
+    /// Largest error of initial values that were measured with a tape, or taken from a drawing.
+    pub const ROUGH: Self = Self {
+        shift_m: 0.1,
+        turn_rad: 0.06,
+    };
+    /// An error that initial values do not have unless they are wrong.
+    pub const WRONG: Self = Self {
+        shift_m: 0.4,
+        turn_rad: 0.35,
+    };
+
+    /// Whether two poses of a scanner on the body are farther apart than this.
+    pub fn is_exceeded(&self, one: &BodyFromScanner, other: &BodyFromScanner) -> bool {
+        let (turn, shift) = one.perturbation_from(other);
+        shift.norm() > self.shift_m || turn.norm() > self.turn_rad
+    }
+
+    /// The distance by which it moves a point at this range, metres.
+    pub fn displacement_m(&self, range_m: f64) -> f64 {
+        self.shift_m + self.turn_rad * range_m
+    }
 }
 
 /// Settings of the calibration.

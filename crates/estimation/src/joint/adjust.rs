@@ -24,6 +24,8 @@ const PATCH_SIZES: f64 = 6.0;
 const MIN_SURFELS: usize = 50;
 /// Most rounds.
 const MAX_ROUNDS: usize = 10;
+/// Most coarse rounds: what still moves then is weakly determined, and moves less with the noise from the residuals.
+const MAX_COARSE_ROUNDS: usize = 7;
 
 /// Most entries of the factor of the normal equations, 8 bytes each: those of three drives with two
 /// profile scanners.
@@ -199,7 +201,7 @@ pub fn at_rung(
         }
         (groups, held) = (problem.groups, problem.held);
         again = round == Round::Fine;
-        if settled {
+        if settled || repeat >= MAX_COARSE_ROUNDS {
             round = Round::Fine;
         }
         let next_m = round.sizes_m(rung, surfel_m, settings.surfel_m.is_some());

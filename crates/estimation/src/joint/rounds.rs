@@ -9,6 +9,7 @@ use super::learn::learn;
 use super::problem::JointProblem;
 use super::state::State;
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
+use crate::calibration::Reach;
 use crate::calibration::observability::LEVER_M;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -22,9 +23,12 @@ pub const SETTLED_MOTION: f64 = 0.3;
 const DENSE_SHARE: f64 = 0.72;
 /// Most times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
-/// A parameter with a larger standard deviation is not determined, metres; rotations are converted by
-/// [`LEVER_M`].
-const MAX_SIGMA_M: f64 = 0.010;
+/// A parameter with a larger standard deviation is not determined, metres: initial values are about as good. Rotations
+/// are converted by [`LEVER_M`].
+const MAX_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
+/// Share of all steps that is kept for the end, and that may be taken before points are sorted or the noise is estimated
+/// again, which makes more of the steps that follow.
+const STEPS_SHARE: f64 = 0.2;
 /// Length of the last step, standard deviations, before the noise is estimated again.
 pub const SCALING_SIGMAS: f64 = 0.5;
 /// The same with knots, whose standard deviations are then estimated again too: this moves mountings much and
@@ -107,7 +111,13 @@ impl Steps<'_> {
         state: &mut State,
         sigmas: f64,
     ) -> Result<StopReason> {
-        let most = self.max_iterations.saturating_sub(self.iterations).max(1);
+        let left = self.max_iterations.saturating_sub(self.iterations).max(1);
+        let share = (STEPS_SHARE * self.max_iterations as f64) as usize;
+        let most = if sigmas > SETTLED_SIGMAS {
+            left.min(share)
+        } else {
+            left.max(share)
+        };
         let ended = levenberg_marquardt(problem, state, DAMPING, most, sigmas, self.progress)?;
         self.iterations += ended.iterations;
         Ok(ended.stop)

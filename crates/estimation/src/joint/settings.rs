@@ -60,7 +60,7 @@ impl Default for JointSettings {
     fn default() -> Self {
         Self {
             surfel_m: None,
-            max_iterations: 50,
+            max_iterations: 100,
             mounting: MountingMotion::default(),
             reference: ReferenceSigma::default(),
             correlation_s: POSE_CORRELATION_S,

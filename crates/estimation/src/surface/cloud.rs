@@ -151,7 +151,7 @@ impl SurfaceCloud {
     /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose
     /// and its mounting.
     #[inline]
-    pub(super) fn rows(&self, placed: &Placed, index: usize, direction: &Vec3) -> PointRows {
+    pub(crate) fn rows(&self, placed: &Placed, index: usize, direction: &Vec3) -> PointRows {
         let point = &self.movable[index];
         let profile = self.profile(point);
         let mounting = &placed.mountings[profile.scanner as usize];

@@ -309,9 +309,9 @@ pub struct Reference {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Voxel sizes from coarse to fine. `"auto"`: 10, 8, 6, 4, 2 times and once the spacing of the points, which counts
-    /// as at least 5 mm, or 1/150 of the ranges if that is less; coarser sizes come first if the clouds lie farther
-    /// apart.
+    /// Voxel sizes from coarse to fine. `"auto"`: 10, 8, 6, 4, 2 times and once the spacing of the points of the densest
+    /// scanner, which counts as at least 5 mm, or 1/150 of the ranges if that is less; without sizes that are coarser than
+    /// initial values with errors of 0.1 m and 3.4° require; coarser sizes come first if the clouds lie farther apart.
     pub voxel_sizes_m: Option<toml::Value>,
     /// Number of points in each neighbourhood.
     pub neighbours: Option<usize>,

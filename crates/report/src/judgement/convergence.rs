@@ -1,22 +1,24 @@
 //! Verdicts on convergence: whether the calibration converged, how far from its start, and whether the minimum is
 //! unique.
 
-use crate::calibration::{Calibration, Method};
+use crate::calibration::{Calibration, Method, Reach};
 use crate::geometry::BodyFromScanner;
 use crate::number;
 use crate::verdict::Verdict;
 
-/// Displacements that exceed the error of a mounting measured with a tape: metres, radians.
-const MOVED_M: [f64; 2] = [0.4, 1.0];
-const MOVED_RAD: [f64; 2] = [0.35, 0.8];
+/// A displacement that is a fault.
+const FAULT: Reach = Reach {
+    shift_m: 1.0,
+    turn_rad: 0.8,
+};
 
 /// Verdicts on mountings that ended far from where they started.
 pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
     let pairs = result.mountings.iter().zip(initial);
     let far = pairs.filter_map(|(mounting, initial)| {
         let (turn, shift) = mounting.body_from_scanner.perturbation_from(initial);
-        let beyond = |i: usize| shift.norm() > MOVED_M[i] || turn.norm() > MOVED_RAD[i];
-        beyond(0).then(|| {
+        let beyond = |reach: Reach| reach.is_exceeded(&mounting.body_from_scanner, initial);
+        beyond(Reach::WRONG).then(|| {
             let text = format!(
                 "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
                  another minimum?",
@@ -24,11 +26,11 @@ pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> 
                 number::length(shift.norm()),
                 turn.norm().to_degrees()
             );
-            let verdict = if beyond(1) {
-Verdict::fault("mounting.moved", text)
-} else {
-Verdict::care("mounting.moved", text)
-};
+            let verdict = if beyond(FAULT) {
+                Verdict::fault("mounting.moved", text)
+            } else {
+                Verdict::care("mounting.moved", text)
+            };
             verdict.with_value(shift.norm(), None)
         })
     });

@@ -3,11 +3,8 @@
 
 use std::path::Path;
 
-use crate::calibration::Mounting;
+use crate::calibration::{Mounting, Reach};
 use crate::verdict::{Verdict, capitalised};
-
-/// Largest error of a rough mounting: radians, metres.
-const ROUGH_START: (f64, f64) = (0.06, 0.1);
 
 /// The verdicts on start values that are far from the mountings of the project.
 pub fn far_starts(project: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
@@ -17,7 +14,8 @@ pub fn far_starts(project: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
             .perturbation_from(&mounting.body_from_scanner);
         (&mounting.name, turn.norm(), shift.norm())
     });
-    let far = moved.filter(|(_, turn, shift)| *turn > ROUGH_START.0 || *shift > ROUGH_START.1);
+    let rough = Reach::ROUGH;
+    let far = moved.filter(|(_, turn, shift)| *turn > rough.turn_rad || *shift > rough.shift_m);
     let verdicts = far.map(|(name, turn, shift)| {
         let text = format!(
             "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \

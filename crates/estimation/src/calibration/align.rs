@@ -1,0 +1,424 @@
+//! Alignment of clouds that may lie apart: the start of the coarsest scale.
+//!
+//! Neighbourhoods of the nearest points are flat where the clouds agree, but also where they have separated, so that
+//! each contains points of only one cloud, and where a turn of the fan out of its plane has reduced the relief. Their
+//! thickness alone therefore leads astray from a start that is not near. Here a neighbourhood holds points of every
+//! cloud around its centre, a cloud being one pass of one scanner, or the reference; and only what the means of the
+//! clouds deviate from their common plane counts, in units of the scatter within the clouds:
+//!
+//!   Σ √(1 + v_b / (v_w + s²)),  v_b = Σ_c (n_c/k) (n·(x̄_c − x̄))²
+//!
+//! with the normal n and the variance v_w along it from the scatter of points about the means of their clouds, n_c
+//! points of cloud c among the k of the neighbourhood, and s the floor of the thickness. With n, v_w and the weight
+//! w = 1/√((v_w + s²) (v_b + v_w + s²)) held, these are reweighted least squares of the n·(x̄_c − x̄). The root does not
+//! let a few clouds that already agree outweigh many that lie apart, as a logarithm would. Separated clouds are drawn
+//! together, a single cloud draws nowhere, and relief that shrinks lowers both variances.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+use rayon::prelude::*;
+
+use super::cost::derivative;
+use super::parameters::{Mounting, change, free_basis, moved, poses};
+use super::scale::ScaleProblem;
+use crate::cloud::{NeighbourIndex, StructureTensor};
+use crate::error::Result;
+use crate::geometry::{Mat3, Vec3};
+use crate::progress::Progress;
+use crate::surface::{Placed, SurfaceCloud};
+
+/// The nearest points among which those of a neighbourhood are chosen, for each of its points.
+const CANDIDATES: usize = 4;
+/// Fewest points of a cloud for a mean.
+const FEWEST: usize = 3;
+/// Least ratio of the second to the third eigenvalue of the scatter within clouds: that of a surface, not of a line.
+const SURFACE_RATIO: f64 = 4.0;
+/// Most neighbourhoods; few are enough for an alignment to a tenth of a voxel.
+const MAX_CENTRES: usize = 20_000;
+/// Largest square of the distance along the plane between a cloud's mean and the centre, as a share of the mean square
+/// of its points' distances: a cloud that ends here lies to one side, where the ground may be higher. Half a disc has
+/// 0.36.
+const CENTRED_SHARE: f64 = 0.15;
+/// Share of the information on a direction below which it is not aligned.
+const HELD_SHARE: f64 = 1e-2;
+/// Most steps.
+const MAX_STEPS: usize = 20;
+/// The clouds are aligned when a step moves no point by more than this share of a voxel.
+const ALIGNED_SHARE: f64 = 0.02;
+
+/// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not depend on the number of
+/// threads.
+const CHUNK: usize = 512;
+
+/// Moves the mountings until the clouds of `problem` agree, and leaves what the clouds do not determine.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::error::Error::Cancelled).
+pub fn align(
+    problem: &ScaleProblem,
+    start: &[Mounting],
+    pass_gap_s: f64,
+    progress: &dyn Progress,
+) -> Result<Vec<Mounting>> {
+    let cloud = &problem.cloud;
+    let mut now = start.to_vec();
+    for _ in 0..MAX_STEPS {
+        progress.check()?;
+        let placed = cloud.place(&poses(&now));
+        let patches = patches(problem, &placed, pass_gap_s);
+        let Some(step) = Sums::of(&patches, cloud, &placed, problem.floor_m).step(start, &now)
+        else {
+            break;
+        };
+        let length_m = |there: &[Mounting]| cloud.largest_displacement(&poses(&now), &poses(there));
+        let mut there = moved(&now, &step);
+        let step_m = length_m(&there);
+        // Farther away there are other neighbours.
+        if step_m > problem.voxel_m {
+            there = moved(&now, &(step * (problem.voxel_m / step_m)));
+        }
+        now = there;
+        if step_m < ALIGNED_SHARE * problem.voxel_m {
+            break;
+        }
+    }
+    Ok(now)
+}
+
+/// The points of one cloud in a neighbourhood.
+struct Members {
+    /// The scanner; `None` for the reference.
+    scanner: Option<usize>,
+    points: Vec<u32>,
+}
+
+/// A neighbourhood in which several clouds form a surface.
+struct Patch {
+    clouds: Vec<Members>,
+    normal: Vec3,
+    /// v_w.
+    within_m2: f64,
+}
+
+/// The neighbourhoods of points evenly spaced in their order.
+fn patches(problem: &ScaleProblem, placed: &Placed, pass_gap_s: f64) -> Vec<Patch> {
+    let count = problem.cloud.movable.len();
+    let stride = count.div_ceil(MAX_CENTRES).max(1);
+    let centres: Vec<Vec3> = placed.world[..count]
+        .iter()
+        .step_by(stride)
+        .copied()
+        .collect();
+    let nearest =
+        NeighbourIndex::new(&placed.world).nearest_of_all(&centres, CANDIDATES * problem.k);
+    let each = (nearest.len() / centres.len().max(1)).max(1);
+    let neighbourhoods = centres.par_iter().zip(nearest.par_chunks_exact(each));
+    let patches = neighbourhoods.filter_map(|(centre, nearest)| {
+        let mut clouds = clouds(&problem.cloud, nearest, pass_gap_s);
+        let share = problem.k.div_ceil(clouds.len().max(1)).max(FEWEST);
+        for cloud in &mut clouds {
+            let distance = |point: &u32| (placed.world[*point as usize] - centre).norm_squared();
+            cloud
+                .points
+                .sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+            cloud.points.truncate(share);
+        }
+        Patch::new(clouds, centre, &placed.world)
+    });
+    patches.collect()
+}
+
+/// The clouds to which points belong: a scanner that comes back after a while begins a new one. Clouds of few points
+/// are left out.
+fn clouds(cloud: &SurfaceCloud, points: &[u32], pass_gap_s: f64) -> Vec<Members> {
+    let mut in_order = points.to_vec();
+    in_order.sort_unstable();
+    let mut clouds: Vec<Members> = Vec::new();
+    let mut last_s = f64::NAN;
+    for point in in_order {
+        let profile = cloud.movable.get(point as usize).map(|p| cloud.profile(p));
+        let scanner = profile.map(|profile| profile.scanner as usize);
+        let time_s = profile.map_or(0.0, |profile| profile.time_s);
+        match clouds.last_mut() {
+            Some(last) if last.scanner == scanner && time_s - last_s <= pass_gap_s => {
+                last.points.push(point);
+            }
+            _ => clouds.push(Members {
+                scanner,
+                points: vec![point],
+            }),
+        }
+        last_s = time_s;
+    }
+    clouds.retain(|cloud| cloud.points.len() >= FEWEST);
+    clouds
+}
+
+impl Patch {
+    /// Without clouds that end here and lie to one side; `None` if fewer than two remain, or if they form no surface.
+    fn new(mut clouds: Vec<Members>, centre: &Vec3, world: &[Vec3]) -> Option<Self> {
+        if clouds.len() < 2 {
+            return None;
+        }
+        let tensor = |cloud: &Members| StructureTensor::of(world, &cloud.points);
+        let tensors: Vec<StructureTensor> = clouds.iter().map(tensor).collect();
+        let within = StructureTensor {
+            mean: *centre,
+            covariance: pooled(&tensors),
+            count: tensors.iter().map(|tensor| tensor.count).sum(),
+        };
+        let eigen = within.eigen();
+        let normal: Vec3 = eigen.vectors.column(2).into();
+        let is_around = |cloud: &Members| {
+            let tensor = tensor(cloud);
+            let off = tensor.mean - centre;
+            let aside = off - normal * normal.dot(&off);
+            let spread = tensor.covariance.trace() - normal.dot(&(tensor.covariance * normal));
+            aside.norm_squared() < CENTRED_SHARE * spread
+        };
+        clouds.retain(is_around);
+        let is_surface = eigen.values.y > SURFACE_RATIO * eigen.values.z;
+        if !is_surface || clouds.len() < 2 {
+            return None;
+        }
+        let tensors: Vec<StructureTensor> = clouds.iter().map(tensor).collect();
+        Some(Self {
+            clouds,
+            normal,
+            within_m2: normal.dot(&(pooled(&tensors) * normal)),
+        })
+    }
+
+    /// The share of each cloud in the points, n_c/k, and its distance from the common plane, n·(x̄_c − x̄).
+    fn offsets(&self, world: &[Vec3]) -> Vec<(f64, f64)> {
+        let count: f64 = self.clouds.iter().map(|c| c.points.len() as f64).sum();
+        let heights = self.clouds.iter().map(|cloud| {
+            let points = cloud.points.iter();
+            let sum: f64 = points.map(|&p| self.normal.dot(&world[p as usize])).sum();
+            (
+                cloud.points.len() as f64 / count,
+                sum / cloud.points.len() as f64,
+            )
+        });
+        let heights: Vec<(f64, f64)> = heights.collect();
+        let mean: f64 = heights.iter().map(|(share, height)| share * height).sum();
+        let offsets = heights.into_iter();
+        offsets
+            .map(|(share, height)| (share, height - mean))
+            .collect()
+    }
+
+    /// v_w + s² and v_b + v_w + s².
+    fn variances(&self, offsets: &[(f64, f64)], floor_m: f64) -> [f64; 2] {
+        let between = offsets
+            .iter()
+            .map(|(share, offset)| share * offset * offset);
+        let within = self.within_m2 + floor_m * floor_m;
+        [within, between.sum::<f64>() + within]
+    }
+}
+
+/// Covariance of points about the means of their clouds, m².
+fn pooled(tensors: &[StructureTensor]) -> Mat3 {
+    let count: usize = tensors.iter().map(|tensor| tensor.count).sum();
+    let scatter = tensors.iter().map(|t| t.covariance * t.count as f64);
+    scatter.sum::<Mat3>() / count as f64
+}
+
+/// The normal equations.
+struct Sums {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// Information on each parameter if the planes did not move.
+    uncentred: DVector<f64>,
+}
+
+impl Sums {
+    fn new(size: usize) -> Self {
+        Self {
+            matrix: DMatrix::zeros(size, size),
+            gradient: DVector::zeros(size),
+            uncentred: DVector::zeros(size),
+        }
+    }
+
+    fn of(patches: &[Patch], cloud: &SurfaceCloud, placed: &Placed, floor_m: f64) -> Self {
+        let size = 6 * cloud.scanners;
+        let parts: Vec<Self> = patches
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut sums = Self::new(size);
+                for patch in chunk {
+                    sums.add(patch, cloud, placed, floor_m);
+                }
+                sums
+            })
+            .collect();
+        parts.into_iter().fold(Self::new(size), |mut all, part| {
+            all.matrix += part.matrix;
+            all.gradient += part.gradient;
+            all.uncentred += part.uncentred;
+            all
+        })
+    }
+
+    fn add(&mut self, patch: &Patch, cloud: &SurfaceCloud, placed: &Placed, floor_m: f64) {
+        let offsets = patch.offsets(&placed.world);
+        let [within, all] = patch.variances(&offsets, floor_m);
+        let weight = 1.0 / (within * all).sqrt();
+        let mut mean = DVector::zeros(self.gradient.len());
+        let mut rows = Vec::with_capacity(offsets.len());
+        for (members, (share, _)) in patch.clouds.iter().zip(&offsets) {
+            let mut row = DVector::zeros(mean.len());
+            if let Some(scanner) = members.scanner {
+                let points = members.points.iter();
+                let rows = points.map(|&p| cloud.rows(placed, p as usize, &patch.normal));
+                let sum: Vector6<f64> = rows.map(|rows| derivative(&rows)).sum();
+                row.fixed_rows_mut::<6>(6 * scanner)
+                    .copy_from(&(sum / members.points.len() as f64));
+            }
+            mean.axpy(*share, &row, 1.0);
+            rows.push(row);
+        }
+        for (row, (share, offset)) in rows.iter().zip(&offsets) {
+            let weight = weight * share;
+            self.uncentred += row.component_mul(row) * weight;
+            let row = row - &mean;
+            self.matrix.ger(weight, &row, &row, 1.0);
+            self.gradient.axpy(weight * offset, &row, 1.0);
+        }
+    }
+
+    /// The Gauss-Newton step; `None` if nothing is free. Directions of which less than [`HELD_SHARE`] of the information
+    /// remains stay near the start: the offsets there are due to relief.
+    fn step(&self, start: &[Mounting], now: &[Mounting]) -> Option<DVector<f64>> {
+        let basis = free_basis(now);
+        let ridge = &self.uncentred * HELD_SHARE;
+        let matrix = &self.matrix + DMatrix::from_diagonal(&ridge);
+        let gradient = &self.gradient + ridge.component_mul(&change(start, now));
+        let factor = (basis.transpose() * matrix * &basis).cholesky()?;
+        Some(-(&basis * factor.solve(&(basis.transpose() * gradient))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::geometry::{BodyFromScanner, Rotation, WorldFromBody};
+    use crate::progress::Silent;
+    use crate::statistics::rms;
+    use crate::surface::{Profile, ProfilePoint};
+
+    const VOXEL_M: f64 = 0.03;
+    const GAP_S: f64 = 3.0;
+
+    fn ground_m(x: f64, y: f64) -> f64 {
+        0.06 * (3.0 * x).sin() + 0.05 * (4.0 * y + 1.0).cos()
+    }
+
+    /// Scanners that look down from 1 m over wavy ground, each on the given passes: start, direction along x.
+    fn problem(passes: &[&[f64]]) -> (ScaleProblem, Vec<Mounting>) {
+        let mut cloud = SurfaceCloud::new(Vec::new());
+        let mut mountings = Vec::new();
+        for (scanner, passes) in passes.iter().enumerate() {
+            let translation_m = Vec3::new(0.2, 0.3 * scanner as f64 - 0.15, 0.0);
+            let mounting = BodyFromScanner::new(Rotation::identity(), translation_m);
+            let (mut profiles, mut points) = (Vec::new(), Vec::new());
+            for (pass, &yaw) in passes.iter().enumerate() {
+                for step in 0..60 {
+                    let along = 0.025 * f64::from(step) - 0.75;
+                    let turn = Rotation::from_scaled_axis(Vec3::z() * yaw);
+                    let place = turn * Vec3::new(along, 0.0, 0.0) + Vec3::z();
+                    let pose = WorldFromBody::new(turn, place);
+                    for ray in 0..40 {
+                        let across = 0.03 * f64::from(ray) - 0.6;
+                        // The point below (the fan is parallel, the scanner upright).
+                        let level = pose.map(&mounting.map(&Vec3::new(0.0, across, 0.0)));
+                        let depth = ground_m(level.x, level.y) - level.z;
+                        points.push(ProfilePoint {
+                            profile: profiles.len() as u32,
+                            position_m: Vec3::new(0.0, across, depth),
+                            count: 1,
+                        });
+                    }
+                    profiles.push(Profile {
+                        time_s: 100.0 * pass as f64 + 0.1 * f64::from(step),
+                        world_from_body: pose,
+                    });
+                }
+            }
+            cloud.add_scanner(&profiles, points);
+            mountings.push(Mounting::new(format!("scanner-{scanner}"), mounting));
+        }
+        let problem = ScaleProblem {
+            cloud: Arc::new(cloud),
+            voxel_m: VOXEL_M,
+            floor_m: 0.002,
+            k: 30,
+            stride: 1,
+            max_iterations: 1,
+        };
+        (problem, mountings)
+    }
+
+    #[test]
+    fn clouds_that_lie_apart_come_together() {
+        let (problem, truth) = problem(&[&[0.0, 1.6, 3.1], &[0.0, 1.6, 3.1]]);
+        let mut start = truth.clone();
+        let off = (Vec3::new(0.02, -0.03, 0.02), Vec3::new(0.02, -0.03, 0.1));
+        let pose = &mut start[1].body_from_scanner;
+        *pose = pose.perturbed(&off.0, &off.1);
+        let end = align(&problem, &start, GAP_S, &Silent).unwrap();
+        // Heights above the ground; nothing determines their mean.
+        let scatter_m = |mountings: &[Mounting]| {
+            let placed = problem.cloud.place(&poses(mountings));
+            let heights = placed.world.iter().map(|p| p.z - ground_m(p.x, p.y));
+            let heights: Vec<f64> = heights.collect();
+            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+            rms(heights.iter().map(|height| height - mean))
+        };
+        let [before, after] = [&start, &end].map(|mountings| scatter_m(mountings));
+        println!("{:.1} mm, then {:.1} mm", 1e3 * before, 1e3 * after);
+        // The scale that follows corrects half a voxel.
+        assert!(before > 1.5 * VOXEL_M && after < 0.5 * VOXEL_M);
+    }
+
+    #[test]
+    fn a_cloud_alone_stays() {
+        let (problem, truth) = problem(&[&[0.0]]);
+        assert_eq!(align(&problem, &truth, GAP_S, &Silent).unwrap(), truth);
+    }
+
+    #[test]
+    fn the_gradient_matches_finite_differences() {
+        let (problem, mut mountings) = problem(&[&[0.0, 1.6], &[0.4]]);
+        let pose = &mut mountings[1].body_from_scanner;
+        *pose = pose.perturbed(&Vec3::new(0.01, 0.02, -0.01), &Vec3::new(0.0, 0.01, 0.03));
+        let cloud = &problem.cloud;
+        let placed = cloud.place(&poses(&mountings));
+        let patches = patches(&problem, &placed, GAP_S);
+        let gradient = Sums::of(&patches, cloud, &placed, problem.floor_m).gradient;
+        let cost = |mountings: &[Mounting]| -> f64 {
+            let placed = cloud.place(&poses(mountings));
+            let each = patches.iter().map(|patch| {
+                let offsets = patch.offsets(&placed.world);
+                let [within, all] = patch.variances(&offsets, problem.floor_m);
+                (all / within).sqrt()
+            });
+            each.sum()
+        };
+        assert!(patches.len() > 100);
+        for parameter in 0..12 {
+            let at = |step: f64| {
+                let mut delta = DVector::zeros(12);
+                delta[parameter] = step;
+                cost(&moved(&mountings, &delta))
+            };
+            // Central differences of 1e-6 on a cost of order 1e4 are good to about 1e-6 of it.
+            let numeric = (at(1e-6) - at(-1e-6)) / 2e-6;
+            let error = (numeric - gradient[parameter]).abs();
+            assert!(error < 1e-5 * gradient.amax(), "{parameter}: {error}");
+        }
+    }
+}
