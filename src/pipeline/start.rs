@@ -160,8 +160,9 @@ pub fn start(
     let initial = placed(rig);
     progress.advance(1);
     // The calibration aligns clouds that are near.
-    let is_near = rough_m(samples) < TWO_COLUMNS_M
-        && initial.apart_m().is_some_and(|m| m < Reach::ROUGH.shift_m);
+    let rough_m = rough_m(samples);
+    let is_near =
+        rough_m < TWO_COLUMNS_M && initial.apart_m().is_some_and(|m| m < Reach::ROUGH.shift_m);
     let better = if is_near {
         None
     } else {
@@ -187,7 +188,7 @@ pub fn start(
     for verdict in &verdicts {
         progress.verdict(&verdict.text);
     }
-    begin.voxel_sizes_m = scales_for(project, &begin, samples, apart_m, progress);
+    begin.voxel_sizes_m = scales_for(project, &begin, samples, rough_m, apart_m, progress);
     Start {
         rig: begin,
         verdicts,
@@ -209,6 +210,7 @@ fn scales_for(
     project: &Project,
     rig: &Rig,
     samples: &[ScannerSample],
+    rough_m: f64,
     apart_m: Option<f64>,
     progress: &dyn Progress,
 ) -> Vec<f64> {
@@ -217,8 +219,7 @@ fn scales_for(
     let reach_m = apart_m.unwrap_or(0.0);
     if project.has_auto_scales {
         // Coarser scales than rough initial values need only see more of the relief.
-        let finest_m = rig.finest_m();
-        let coarsest_m = (SCALE_PER_MISFIT * rough_m(samples)).max(finest_m);
+        let coarsest_m = (SCALE_PER_MISFIT * rough_m).max(rig.finest_m());
         sizes.retain(|size_m| *size_m <= coarsest_m);
     }
     let least_m = SCALE_PER_MISFIT * reach_m.min(MAX_MISFIT_M);

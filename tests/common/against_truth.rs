@@ -38,6 +38,15 @@ pub fn true_poses(drive: &SimulatedDrive) -> Result<Trajectory> {
     Trajectory::new(format::read_trajectory(&file)?)
 }
 
+/// Errors (δp, δφ) of all mountings in body axes, metres and radians.
+pub fn mounting_errors(mountings: &[BodyFromScanner], truth: &[BodyFromScanner]) -> Vec<f64> {
+    let errors = mountings.iter().zip(truth).flat_map(|(mounting, truth)| {
+        let (turn, shift) = mounting.perturbation_from(truth);
+        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+    });
+    errors.collect()
+}
+
 /// A mounting that is stored as a pose of a trajectory.
 pub fn as_mounting(pose: &WorldFromBody) -> BodyFromScanner {
     BodyFromScanner::new(pose.rotation, pose.translation_m)

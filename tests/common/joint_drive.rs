@@ -15,7 +15,9 @@ use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
 
 pub use super::against_truth::Outcome;
-use super::against_truth::{Check, average_over_motion, true_mountings, true_poses};
+use super::against_truth::{
+    Check, average_over_motion, mounting_errors, true_mountings, true_poses,
+};
 
 /// Unknowns of a mounting.
 pub const SIX: usize = 6;
@@ -238,7 +240,8 @@ impl Run {
 
     /// Errors (δp, δφ) of all mountings in body axes, metres and radians, of both methods.
     pub fn errors(&self) -> [DVector<f64>; 2] {
-        [&self.two_steps, &self.one_piece].map(|outcome| errors(&outcome.mountings, &self.truth))
+        [&self.two_steps, &self.one_piece]
+            .map(|outcome| mounting_errors(&outcome.mountings, &self.truth).into())
     }
 
     /// Standard deviations of the mountings of the joint adjustment.
@@ -331,14 +334,6 @@ fn by_known_mountings(drive: &Drive<'_>, [shift_m, turn_rad]: [f64; 2]) -> Resul
         joint,
         seconds: begun.elapsed().as_secs_f64(),
     })
-}
-
-fn errors(mountings: &[BodyFromScanner], truth: &[BodyFromScanner]) -> DVector<f64> {
-    let errors = mountings.iter().zip(truth).flat_map(|(mounting, truth)| {
-        let (turn, shift) = mounting.perturbation_from(truth);
-        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
-    });
-    DVector::from_iterator(SIX * truth.len(), errors)
 }
 
 fn moved(mut points: Vec<Vec3>, shift_m: &Vec3, turn: &Vec3) -> Vec<Vec3> {

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use boresight::calibration::PARAMETER_NAMES;
 use boresight::error::Result;
 use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::joint::{Joint, Rung};
@@ -13,13 +14,12 @@ use boresight::project::Project;
 use boresight::simulation::{ScannerKind, Scenario, SimulatedDrive, simulate};
 use boresight::statistics::rms;
 
-use super::against_truth::{Check, average_over_motion, true_mountings, true_poses};
+use super::against_truth::{
+    Check, average_over_motion, mounting_errors, true_mountings, true_poses,
+};
 
 /// Errors beyond this many standard deviations are not due to chance.
 pub const WRONG_SIGMAS: f64 = 4.0;
-
-/// Parameters of a mounting: a position, then a rotation, in body axes.
-const PARAMETERS: [&str; 6] = ["tx", "ty", "tz", "rx", "ry", "rz"];
 
 /// The method that gave the result.
 pub enum Way {
@@ -160,13 +160,18 @@ impl Ended {
         let lidars = s.scanners_of(ScannerKind::Lidar).len();
         let fans = s.scanners.len() - lidars;
         let frame = &s.deformation;
-        let frame = match () {
-            () if !frame.enabled => "rigid",
-            () if frame.jump_m > 0.0 => "jumps",
-            () if frame.walk_m > 0.0 => "walks",
-            () if frame.drift_m > 0.0 => "drifts",
-            () => "bends",
+        let frame = if !frame.enabled {
+            "rigid"
+        } else if frame.jump_m > 0.0 {
+            "jumps"
+        } else if frame.walk_m > 0.0 {
+            "walks"
+        } else if frame.drift_m > 0.0 {
+            "drifts"
+        } else {
+            "bends"
         };
+        let mark = |is_there: bool, text| if is_there { text } else { "" };
         format!(
             "{fans} fans {:.0} Hz x {} at {:.1} mm, {lidars} lidars; {:.1} m high, {:.2} m/s, {} passes; {} boards{}{}; \
              IMU {:.0} Hz {:.2} °/√h; positions {:.0} Hz {:.0} mm{}{}{}{}; {frame}",
@@ -177,40 +182,16 @@ impl Ended {
             s.motion.scan_speed_m_s,
             s.drives[0].passes.len(),
             s.boards.len(),
-            if s.soil.clod_height_m > 0.0 {
-                ", clods"
-            } else {
-                ""
-            },
-            if s.plants.count_per_m2 > 0.0 {
-                ", plants"
-            } else {
-                ""
-            },
+            mark(s.soil.clod_height_m > 0.0, ", clods"),
+            mark(s.plants.count_per_m2 > 0.0, ", plants"),
             s.imu.rate_hz,
             s.imu.gyro_noise_deg_sqrt_h,
             s.prism.rate_hz,
             1e3 * s.prism.sigma_m,
-            if s.prism.sigma_correlated_m > 0.0 {
-                " lasting"
-            } else {
-                ""
-            },
-            if s.prism.lost_s.is_empty() {
-                ""
-            } else {
-                ", gaps"
-            },
-            if s.heading.enabled {
-                ""
-            } else {
-                ", no heading"
-            },
-            if s.reference.enabled {
-                ""
-            } else {
-                ", no reference"
-            },
+            mark(s.prism.sigma_correlated_m > 0.0, " lasting"),
+            mark(!s.prism.lost_s.is_empty(), ", gaps"),
+            mark(!s.heading.enabled, ", no heading"),
+            mark(!s.reference.enabled, ", no reference"),
         )
     }
 
@@ -253,14 +234,9 @@ fn deviations(
     truth: &[BodyFromScanner],
     sigma: impl Fn(usize) -> f64,
 ) -> Vec<Deviation> {
-    let pairs = mountings.iter().zip(truth);
-    let errors = pairs.flat_map(|(mounting, truth)| {
-        let (turn, shift) = mounting.perturbation_from(truth);
-        PARAMETERS
-            .into_iter()
-            .zip([shift.x, shift.y, shift.z, turn.x, turn.y, turn.z])
-    });
-    let all = errors
+    let errors = mounting_errors(mountings, truth).into_iter();
+    let named = PARAMETER_NAMES.into_iter().cycle().zip(errors);
+    let all = named
         .enumerate()
         .map(|(place, (parameter, error))| Deviation {
             parameter,

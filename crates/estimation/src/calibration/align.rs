@@ -17,7 +17,7 @@
 use nalgebra::{DMatrix, DVector, Vector6};
 use rayon::prelude::*;
 
-use super::cost::derivative;
+use super::cost::{NormalEquations, derivative};
 use super::parameters::{Mounting, change, free_basis, moved, poses};
 use super::scale::ScaleProblem;
 use crate::cloud::{NeighbourIndex, StructureTensor};
@@ -65,8 +65,8 @@ pub fn align(
         progress.check()?;
         let placed = cloud.place(&poses(&now));
         let patches = patches(problem, &placed, pass_gap_s);
-        let Some(step) = Sums::of(&patches, cloud, &placed, problem.floor_m).step(start, &now)
-        else {
+        let equations = normal_equations(&patches, cloud, &placed, problem.floor_m);
+        let Some(step) = step(&equations, start, &now) else {
             break;
         };
         let length_m = |there: &[Mounting]| cloud.largest_displacement(&poses(&now), &poses(there));
@@ -155,33 +155,37 @@ fn clouds(cloud: &SurfaceCloud, points: &[u32], pass_gap_s: f64) -> Vec<Members>
 
 impl Patch {
     /// Without clouds that end here and lie to one side; `None` if fewer than two remain, or if they form no surface.
-    fn new(mut clouds: Vec<Members>, centre: &Vec3, world: &[Vec3]) -> Option<Self> {
+    fn new(clouds: Vec<Members>, centre: &Vec3, world: &[Vec3]) -> Option<Self> {
         if clouds.len() < 2 {
             return None;
         }
-        let tensor = |cloud: &Members| StructureTensor::of(world, &cloud.points);
-        let tensors: Vec<StructureTensor> = clouds.iter().map(tensor).collect();
+        let tensors: Vec<StructureTensor> = clouds
+            .iter()
+            .map(|cloud| StructureTensor::of(world, &cloud.points))
+            .collect();
         let within = StructureTensor {
             mean: *centre,
             covariance: pooled(&tensors),
             count: tensors.iter().map(|tensor| tensor.count).sum(),
         };
         let eigen = within.eigen();
+        let is_surface = eigen.values.y > SURFACE_RATIO * eigen.values.z;
+        if !is_surface {
+            return None;
+        }
         let normal: Vec3 = eigen.vectors.column(2).into();
-        let is_around = |cloud: &Members| {
-            let tensor = tensor(cloud);
+        let is_around = |tensor: &StructureTensor| {
             let off = tensor.mean - centre;
             let aside = off - normal * normal.dot(&off);
             let spread = tensor.covariance.trace() - normal.dot(&(tensor.covariance * normal));
             aside.norm_squared() < CENTRED_SHARE * spread
         };
-        clouds.retain(is_around);
-        let is_surface = eigen.values.y > SURFACE_RATIO * eigen.values.z;
-        if !is_surface || clouds.len() < 2 {
-            return None;
-        }
-        let tensors: Vec<StructureTensor> = clouds.iter().map(tensor).collect();
-        Some(Self {
+        let (clouds, tensors): (Vec<Members>, Vec<StructureTensor>) = clouds
+            .into_iter()
+            .zip(tensors)
+            .filter(|(_, tensor)| is_around(tensor))
+            .unzip();
+        (clouds.len() >= 2).then(|| Self {
             clouds,
             normal,
             within_m2: normal.dot(&(pooled(&tensors) * normal)),
@@ -215,63 +219,24 @@ impl Patch {
         let within = self.within_m2 + floor_m * floor_m;
         [within, between.sum::<f64>() + within]
     }
-}
 
-/// Covariance of points about the means of their clouds, m².
-fn pooled(tensors: &[StructureTensor]) -> Mat3 {
-    let count: usize = tensors.iter().map(|tensor| tensor.count).sum();
-    let scatter = tensors.iter().map(|t| t.covariance * t.count as f64);
-    scatter.sum::<Mat3>() / count as f64
-}
-
-/// The normal equations.
-struct Sums {
-    matrix: DMatrix<f64>,
-    gradient: DVector<f64>,
-    /// Information on each parameter if the planes did not move.
-    uncentred: DVector<f64>,
-}
-
-impl Sums {
-    fn new(size: usize) -> Self {
-        Self {
-            matrix: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
-            uncentred: DVector::zeros(size),
-        }
-    }
-
-    fn of(patches: &[Patch], cloud: &SurfaceCloud, placed: &Placed, floor_m: f64) -> Self {
-        let size = 6 * cloud.scanners;
-        let parts: Vec<Self> = patches
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                let mut sums = Self::new(size);
-                for patch in chunk {
-                    sums.add(patch, cloud, placed, floor_m);
-                }
-                sums
-            })
-            .collect();
-        parts.into_iter().fold(Self::new(size), |mut all, part| {
-            all.matrix += part.matrix;
-            all.gradient += part.gradient;
-            all.uncentred += part.uncentred;
-            all
-        })
-    }
-
-    fn add(&mut self, patch: &Patch, cloud: &SurfaceCloud, placed: &Placed, floor_m: f64) {
-        let offsets = patch.offsets(&placed.world);
-        let [within, all] = patch.variances(&offsets, floor_m);
+    fn add_to(
+        &self,
+        equations: &mut NormalEquations,
+        cloud: &SurfaceCloud,
+        placed: &Placed,
+        floor_m: f64,
+    ) {
+        let offsets = self.offsets(&placed.world);
+        let [within, all] = self.variances(&offsets, floor_m);
         let weight = 1.0 / (within * all).sqrt();
-        let mut mean = DVector::zeros(self.gradient.len());
+        let mut mean = DVector::zeros(equations.gradient.len());
         let mut rows = Vec::with_capacity(offsets.len());
-        for (members, (share, _)) in patch.clouds.iter().zip(&offsets) {
+        for (members, (share, _)) in self.clouds.iter().zip(&offsets) {
             let mut row = DVector::zeros(mean.len());
             if let Some(scanner) = members.scanner {
                 let points = members.points.iter();
-                let rows = points.map(|&p| cloud.rows(placed, p as usize, &patch.normal));
+                let rows = points.map(|&p| cloud.rows(placed, p as usize, &self.normal));
                 let sum: Vector6<f64> = rows.map(|rows| derivative(&rows)).sum();
                 row.fixed_rows_mut::<6>(6 * scanner)
                     .copy_from(&(sum / members.points.len() as f64));
@@ -281,23 +246,51 @@ impl Sums {
         }
         for (row, (share, offset)) in rows.iter().zip(&offsets) {
             let weight = weight * share;
-            self.uncentred += row.component_mul(row) * weight;
+            equations.uncentred += row.component_mul(row) * weight;
             let row = row - &mean;
-            self.matrix.ger(weight, &row, &row, 1.0);
-            self.gradient.axpy(weight * offset, &row, 1.0);
+            equations.matrix.ger(weight, &row, &row, 1.0);
+            equations.gradient.axpy(weight * offset, &row, 1.0);
         }
     }
+}
 
-    /// The Gauss-Newton step; `None` if nothing is free. Directions of which less than [`HELD_SHARE`] of the information
-    /// remains stay near the start: the offsets there are due to relief.
-    fn step(&self, start: &[Mounting], now: &[Mounting]) -> Option<DVector<f64>> {
-        let basis = free_basis(now);
-        let ridge = &self.uncentred * HELD_SHARE;
-        let matrix = &self.matrix + DMatrix::from_diagonal(&ridge);
-        let gradient = &self.gradient + ridge.component_mul(&change(start, now));
-        let factor = (basis.transpose() * matrix * &basis).cholesky()?;
-        Some(-(&basis * factor.solve(&(basis.transpose() * gradient))))
-    }
+/// Covariance of points about the means of their clouds, m².
+fn pooled(tensors: &[StructureTensor]) -> Mat3 {
+    let count: usize = tensors.iter().map(|tensor| tensor.count).sum();
+    let scatter = tensors.iter().map(|t| t.covariance * t.count as f64);
+    scatter.sum::<Mat3>() / count as f64
+}
+
+/// Normal equations of all patches.
+fn normal_equations(
+    patches: &[Patch],
+    cloud: &SurfaceCloud,
+    placed: &Placed,
+    floor_m: f64,
+) -> NormalEquations {
+    let size = 6 * cloud.scanners;
+    let parts: Vec<NormalEquations> = patches
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let mut equations = NormalEquations::zeros(size);
+            for patch in chunk {
+                patch.add_to(&mut equations, cloud, placed, floor_m);
+            }
+            equations
+        })
+        .collect();
+    NormalEquations::sum(size, parts)
+}
+
+/// The Gauss-Newton step; `None` if nothing is free. Directions of which less than [`HELD_SHARE`] of the information
+/// remains stay near the start: the offsets there are due to relief.
+fn step(equations: &NormalEquations, start: &[Mounting], now: &[Mounting]) -> Option<DVector<f64>> {
+    let basis = free_basis(now);
+    let ridge = &equations.uncentred * HELD_SHARE;
+    let matrix = &equations.matrix + DMatrix::from_diagonal(&ridge);
+    let gradient = &equations.gradient + ridge.component_mul(&change(start, now));
+    let factor = (basis.transpose() * matrix * &basis).cholesky()?;
+    Some(-(&basis * factor.solve(&(basis.transpose() * gradient))))
 }
 
 #[cfg(test)]
@@ -398,7 +391,7 @@ mod tests {
         let cloud = &problem.cloud;
         let placed = cloud.place(&poses(&mountings));
         let patches = patches(&problem, &placed, GAP_S);
-        let gradient = Sums::of(&patches, cloud, &placed, problem.floor_m).gradient;
+        let gradient = normal_equations(&patches, cloud, &placed, problem.floor_m).gradient;
         let cost = |mountings: &[Mounting]| -> f64 {
             let placed = cloud.place(&poses(mountings));
             let each = patches.iter().map(|patch| {

@@ -51,6 +51,29 @@ pub struct NormalEquations {
     pub uncentred: DVector<f64>,
 }
 
+impl NormalEquations {
+    /// Those of no observation.
+    pub fn zeros(size: usize) -> Self {
+        Self {
+            gradient: DVector::zeros(size),
+            matrix: DMatrix::zeros(size, size),
+            uncentred: DVector::zeros(size),
+        }
+    }
+
+    /// The sum of the `parts`, in order.
+    pub fn sum(size: usize, parts: Vec<Self>) -> Self {
+        parts
+            .into_iter()
+            .fold(Self::zeros(size), |mut total, part| {
+                total.gradient += part.gradient;
+                total.matrix += part.matrix;
+                total.uncentred += part.uncentred;
+                total
+            })
+    }
+}
+
 /// λ₃ + s² with s = `floor_m`.
 fn variance(plane: &Plane, floor_m: f64) -> f64 {
     plane.variance_m2 + floor_m * floor_m
@@ -94,18 +117,7 @@ pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
             sums.finish()
         })
         .collect();
-    let size = 6 * surface.cloud.scanners;
-    let zero = NormalEquations {
-        gradient: DVector::zeros(size),
-        matrix: DMatrix::zeros(size, size),
-        uncentred: DVector::zeros(size),
-    };
-    partial.into_iter().fold(zero, |mut total, part| {
-        total.gradient += part.gradient;
-        total.matrix += part.matrix;
-        total.uncentred += part.uncentred;
-        total
-    })
+    NormalEquations::sum(6 * surface.cloud.scanners, partial)
 }
 
 /// Sums over the neighbourhoods of one task.

@@ -98,9 +98,10 @@ impl Minimum {
         let shift_m = voxel_m.min(Reach::ROUGH.shift_m / 3f64.sqrt());
         let turn_rad = (voxel_m / range_m).min(Reach::ROUGH.turn_rad / 3f64.sqrt());
         let is_possible = |state: &State| {
-            let pairs = state.mountings.iter().zip(&input.mountings);
-            pairs.clone().all(|(end, initial)| {
-                !Reach::WRONG.is_exceeded(&end.body_from_scanner, &initial.body_from_scanner)
+            let mut pairs = state.mountings.iter().zip(&input.mountings);
+            pairs.all(|(end, initial)| {
+                let (end, initial) = (&end.body_from_scanner, &initial.body_from_scanner);
+                !Reach::WRONG.is_exceeded(&end.perturbation_from(initial))
             })
         };
         let determined = Observability::new(&nearest_minimum.equations, &nearest_minimum.mountings)

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::geometry::BodyFromScanner;
+use crate::geometry::Vec3;
 
 /// Estimation method for mountings on a given trajectory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -42,9 +42,8 @@ impl Reach {
         turn_rad: 0.35,
     };
 
-    /// Whether two poses of a scanner on the body are farther apart than this.
-    pub fn is_exceeded(&self, one: &BodyFromScanner, other: &BodyFromScanner) -> bool {
-        let (turn, shift) = one.perturbation_from(other);
+    /// Whether a perturbation of a mounting is larger than this: a rotation vector (radians) or a shift (metres).
+    pub fn is_exceeded(&self, (turn, shift): &(Vec3, Vec3)) -> bool {
         shift.norm() > self.shift_m || turn.norm() > self.turn_rad
     }
 

@@ -16,9 +16,9 @@ const FAULT: Reach = Reach {
 pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> {
     let pairs = result.mountings.iter().zip(initial);
     let far = pairs.filter_map(|(mounting, initial)| {
-        let (turn, shift) = mounting.body_from_scanner.perturbation_from(initial);
-        let beyond = |reach: Reach| reach.is_exceeded(&mounting.body_from_scanner, initial);
-        beyond(Reach::WRONG).then(|| {
+        let moved = mounting.body_from_scanner.perturbation_from(initial);
+        let (turn, shift) = &moved;
+        Reach::WRONG.is_exceeded(&moved).then(|| {
             let text = format!(
                 "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
                  another minimum?",
@@ -26,7 +26,7 @@ pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> 
                 number::length(shift.norm()),
                 turn.norm().to_degrees()
             );
-            let verdict = if beyond(FAULT) {
+            let verdict = if FAULT.is_exceeded(&moved) {
                 Verdict::fault("mounting.moved", text)
             } else {
                 Verdict::care("mounting.moved", text)

@@ -9,14 +9,12 @@ use crate::verdict::{Verdict, capitalised};
 /// The verdicts on start values that are far from the mountings of the project.
 pub fn far_starts(project: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
     let moved = project.iter().zip(start).map(|(mounting, start)| {
-        let (turn, shift) = start
-            .body_from_scanner
-            .perturbation_from(&mounting.body_from_scanner);
-        (&mounting.name, turn.norm(), shift.norm())
+        let (project, start) = (&mounting.body_from_scanner, &start.body_from_scanner);
+        (&mounting.name, start.perturbation_from(project))
     });
-    let rough = Reach::ROUGH;
-    let far = moved.filter(|(_, turn, shift)| *turn > rough.turn_rad || *shift > rough.shift_m);
-    let verdicts = far.map(|(name, turn, shift)| {
+    let far = moved.filter(|(_, moved)| Reach::ROUGH.is_exceeded(moved));
+    let verdicts = far.map(|(name, (turn, shift))| {
+        let (turn, shift) = (turn.norm(), shift.norm());
         let text = format!(
             "The calibration starts with scanner {name} {:.1}° and {shift:.2} m from the project's mounting, as the \
              clouds then take up much less space: is that as wrong?",

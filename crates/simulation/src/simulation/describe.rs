@@ -85,10 +85,11 @@ fn project(scenario: &Scenario, index: usize) -> String {
         list(&scenario.lever_arm_m(), 6),
     );
     let stated = scenario.project.states_correlated;
-    if stated && prism.sigma_correlated_m > 0.0 {
-        text += &format!(
-            "sigma_correlated_m = {:?}\ncorrelation_s = {:?}\n",
-            prism.sigma_correlated_m, prism.correlation_s
+    if stated {
+        text += &lasting(
+            "sigma_correlated_m",
+            prism.sigma_correlated_m,
+            prism.correlation_s,
         );
     }
     if heading.enabled {
@@ -96,10 +97,11 @@ fn project(scenario: &Scenario, index: usize) -> String {
             "\n[heading]\nfile = \"heading.csv\"\nsigma_deg = {:?}\nmounting_offset_deg = {:?}\n",
             heading.sigma_deg, heading.mounting_offset_deg
         );
-        if stated && heading.sigma_correlated_deg > 0.0 {
-            text += &format!(
-                "sigma_correlated_deg = {:?}\ncorrelation_s = {:?}\n",
-                heading.sigma_correlated_deg, heading.correlation_s
+        if stated {
+            text += &lasting(
+                "sigma_correlated_deg",
+                heading.sigma_correlated_deg,
+                heading.correlation_s,
             );
         }
     }
@@ -151,12 +153,11 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
     if prism.incidence_bias_m != 0.0 {
         keys += &format!("incidence_bias_m = {:?}\n", prism.incidence_bias_m);
     }
-    if prism.sigma_correlated_m != 0.0 {
-        keys += &format!(
-            "sigma_correlated_m = {:?}\ncorrelation_s = {:?}\n",
-            prism.sigma_correlated_m, prism.correlation_s
-        );
-    }
+    keys += &lasting(
+        "sigma_correlated_m",
+        prism.sigma_correlated_m,
+        prism.correlation_s,
+    );
     if !prism.lost_s.is_empty() {
         let spans = prism.lost_s.iter();
         let spans: Vec<_> = spans.map(|span| span.map(|s| start_s + s)).collect();
@@ -170,12 +171,11 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
     }
     let mut text = table("[prism]", &keys);
     let mut keys = latency(heading.latency_s);
-    if heading.sigma_correlated_deg != 0.0 {
-        keys += &format!(
-            "sigma_correlated_deg = {:?}\ncorrelation_s = {:?}\n",
-            heading.sigma_correlated_deg, heading.correlation_s
-        );
-    }
+    keys += &lasting(
+        "sigma_correlated_deg",
+        heading.sigma_correlated_deg,
+        heading.correlation_s,
+    );
     text += &table("[heading]", &keys);
     for scanner in scenario.scanners.iter().filter(|s| s.latency_s != 0.0) {
         let keys = format!("name = {:?}\n{}", scanner.name, latency(scanner.latency_s));
@@ -193,6 +193,14 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
         );
     }
     text + &table("[reference]", &keys)
+}
+
+/// The keys of errors that last; empty if there are none.
+fn lasting(key: &str, sigma: f64, correlation_s: f64) -> String {
+    if sigma == 0.0 {
+        return String::new();
+    }
+    format!("{key} = {sigma:?}\ncorrelation_s = {correlation_s:?}\n")
 }
 
 /// The key of a latency; empty if there is none.

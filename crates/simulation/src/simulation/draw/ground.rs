@@ -4,7 +4,6 @@ use super::super::field::{BoardSettings, DriveSettings, Field, Pass};
 use super::super::scenario::Scenario;
 use super::super::sensors::ScannerKind;
 use super::draws::Draws;
-use super::robot::Size;
 
 /// Rays of all scanners on a drive, at most: a run takes about a minute.
 const MOST_RAYS: f64 = 4e6;
@@ -22,8 +21,7 @@ const MOST_REFERENCE_POINTS: f64 = 1e6;
 const STEEPEST: f64 = 0.12;
 
 /// Draws the field with its soil, plants and boards.
-pub(super) fn ground(draws: &mut Draws, size: Size, scenario: &mut Scenario) {
-    let standoff_m = size.standoff_m;
+pub(super) fn ground(draws: &mut Draws, standoff_m: f64, scenario: &mut Scenario) {
     let motion = &scenario.motion;
     let along_m = (standoff_m * draws.uniform((2.5, 5.0)))
         .max(motion.scan_speed_m_s * draws.uniform((8.0, 20.0)));
@@ -52,8 +50,8 @@ pub(super) fn ground(draws: &mut Draws, size: Size, scenario: &mut Scenario) {
         soil.clod_cover = draws.uniform((0.05, 0.5));
     }
     let plants = &mut scenario.plants;
+    let field_m2: f64 = scenario.field.size_m.iter().product();
     if draws.chance(0.3) {
-        let field_m2: f64 = scenario.field.size_m.iter().product();
         plants.count_per_m2 = draws.log_uniform((1.0, 40.0)).min(2e4 / field_m2);
         plants.height_m = draws.log_uniform((0.05, 0.3 * standoff_m.max(0.2)));
         plants.leaf_m = draws.uniform((0.02, 0.1));
@@ -66,7 +64,6 @@ pub(super) fn ground(draws: &mut Draws, size: Size, scenario: &mut Scenario) {
     };
     scenario.boards = boards(draws, count, standoff_m, scenario.field.size_m);
     let reference = &mut scenario.reference;
-    let field_m2: f64 = scenario.field.size_m.iter().product();
     reference.soil_spacing_m = (field_m2 / MOST_REFERENCE_POINTS).sqrt().max(0.005);
     reference.board_spacing_m = 0.6 * reference.soil_spacing_m;
 }

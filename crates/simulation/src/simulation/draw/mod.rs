@@ -35,9 +35,9 @@ impl Scenario {
             ..Self::default()
         };
         scenario.project.voxel_sizes_m = Vec::new();
-        let size = robot::body(&mut draws(Part::Robot), &mut scenario);
-        robot::scanners(&mut draws(Part::Scanners), size, &mut scenario);
-        ground::ground(&mut draws(Part::Ground), size, &mut scenario);
+        let standoff_m = robot::body(&mut draws(Part::Robot), &mut scenario);
+        robot::scanners(&mut draws(Part::Scanners), standoff_m, &mut scenario);
+        ground::ground(&mut draws(Part::Ground), standoff_m, &mut scenario);
         ground::route(&mut draws(Part::Route), &mut scenario);
         sensors::imu(&mut draws(Part::Imu), &mut scenario);
         sensors::positions(&mut draws(Part::Positions), &mut scenario);

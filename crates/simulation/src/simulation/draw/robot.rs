@@ -17,17 +17,11 @@ const LATERAL_M_S2: f64 = 1.5;
 /// Standard deviations of the initial mountings: a tape measure and a drawing, metres and degrees.
 const INITIAL_SIGMAS: (f64, f64) = (0.02, 1.5);
 
-/// Dimensions of the robot, metres.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Size {
-    /// Height of the scanners above the ground.
-    pub standoff_m: f64,
-    /// Its relative spread from scanner to scanner.
-    spread: f64,
-}
+/// Spread of the heights of the scanners above the ground, as a share.
+const SPREAD: f64 = 0.1;
 
-/// Draws size and motion of the robot.
-pub(super) fn body(draws: &mut Draws, scenario: &mut Scenario) -> Size {
+/// Draws size and motion of the robot; returns the height of the scanners above the ground, metres.
+pub(super) fn body(draws: &mut Draws, scenario: &mut Scenario) -> f64 {
     let motion = &mut scenario.motion;
     motion.imu_height_m = draws.log_uniform((0.6, 3.0));
     let standoff_m = motion.imu_height_m * draws.uniform((0.4, 1.0));
@@ -40,14 +34,11 @@ pub(super) fn body(draws: &mut Draws, scenario: &mut Scenario) -> Size {
     motion.wheel_wavelength_m = draws.uniform((0.15, 0.6));
     motion.suspension_hz = draws.uniform((0.8, 4.0));
     motion.suspension_damping = draws.uniform((0.2, 0.7));
-    Size {
-        standoff_m,
-        spread: 0.1,
-    }
+    standoff_m
 }
 
 /// Draws the scanners and what they measure.
-pub(super) fn scanners(draws: &mut Draws, size: Size, scenario: &mut Scenario) {
+pub(super) fn scanners(draws: &mut Draws, standoff_m: f64, scenario: &mut Scenario) {
     let count = match draws.uniform((0.0, 1.0)) {
         x if x < 0.25 => 1,
         x if x < 0.7 => 2,
@@ -55,12 +46,11 @@ pub(super) fn scanners(draws: &mut Draws, size: Size, scenario: &mut Scenario) {
         _ => 4,
     };
     let with_lidar = draws.chance(0.2);
-    let standoff_m = size.standoff_m;
     let lowest_m = scenario.motion.imu_height_m;
     scenario.scanners = (0..count)
         .map(|index| {
             let is_lidar = with_lidar && index + 1 == count;
-            let up_m = standoff_m * draws.uniform((1.0 - size.spread, 1.0 + size.spread));
+            let up_m = standoff_m * draws.uniform((1.0 - SPREAD, 1.0 + SPREAD));
             let side = if index % 2 == 0 { -1.0 } else { 1.0 };
             let translation_m = [
                 standoff_m * draws.uniform((-0.3, 0.8)),

@@ -32,7 +32,6 @@ pub(super) fn positions(draws: &mut Draws, scenario: &mut Scenario) {
     }
     let [x, y, _] = draws.normals(0.3 * height_m);
     prism.lever_arm_m = [x, y, -draws.uniform((0.1, 0.8))];
-    prism.station_m = [-9.0, -7.0, 1.7];
     if draws.chance(0.3) {
         let mut from = 20.0;
         for _ in 0..draws.count(1, 3) {
