@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::logs::DriveLogs;
 use super::recorded;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::format;
 use crate::geometry::Vec3;
 use crate::judgement;
@@ -17,16 +17,12 @@ use crate::progress::{Progress, Silent};
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{
-    Constant, Doubt, Estimate, PosteriorCovariance, Solution, Trajectory, doubts, estimate,
+    Doubt, Estimate, PosteriorCovariance, Solution, Tested, Trajectory, estimate, estimate_tested,
 };
 use crate::verdict::{Severity, Verdict};
 
 /// Longest time between nodes if the joint adjustment corrects the poses, seconds, also where the prism has no fixes.
 const JOINT_STEP_S: f64 = 0.25;
-
-/// If an IMU is noisier than its datasheet by more than this factor, because the vehicle vibrates, its noise is
-/// estimated.
-const NOTABLE_NOISE: f64 = 1.2;
 
 /// Warning for poses without standard deviations.
 const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: the standard deviations of \
@@ -143,24 +139,6 @@ fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
     Ok(verdicts)
 }
 
-/// The estimate with more constants free, and its settings; `None` if it fails or does not converge.
-fn with_freed(
-    logs: &mut DriveLogs,
-    constants: &[Constant],
-    progress: &dyn Progress,
-) -> Result<Option<Estimate>> {
-    let held = logs.settings.estimate.clone();
-    logs.settings.estimate.extend(constants);
-    match estimate(&logs.motion(), &logs.settings, progress) {
-        Ok(freed) if freed.solution.converged => Ok(Some(freed)),
-        Err(Error::Cancelled) => Err(Error::Cancelled),
-        _ => {
-            logs.settings.estimate = held;
-            Ok(None)
-        }
-    }
-}
-
 fn poses_from_logs(
     project: &Project,
     logs: &Logs,
@@ -180,46 +158,25 @@ fn poses_from_logs(
         progress.verdict(&verdict.text);
     }
     let begun = Instant::now();
-    let mut estimated = estimate(&logs.motion(), &logs.settings, progress)?;
     // Constants and noise that are estimated with wrong axes or signs are meaningless.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
-    let mut doubts = if is_sound {
-        doubts(
-            &logs.motion(),
-            &logs.settings,
-            &estimated.solution,
-            progress,
-        )?
+    let Tested { estimate, doubts } = if is_sound {
+        estimate_tested(&logs.motion(), &logs.settings, estimates_doubted, progress)?
     } else {
-        Vec::new()
-    };
-    if estimates_doubted && !doubts.is_empty() {
-        let doubted: Vec<Constant> = doubts.iter().map(|doubt| doubt.constant).collect();
-        if let Some(freed) = with_freed(&mut logs, &doubted, progress)? {
-            estimated = freed;
-            doubts.iter_mut().for_each(|doubt| doubt.is_used = true);
+        Tested {
+            estimate: estimate(&logs.motion(), &logs.settings, progress)?,
+            doubts: Vec::new(),
         }
-    }
+    };
     for doubt in &doubts {
         progress.verdict(&judgement::doubt(doubt).text);
-    }
-    let scale = Constant::ImuNoiseScale;
-    let is_noisy = estimated.solution.imu_noise_factor() > NOTABLE_NOISE;
-    if estimates_doubted
-        && is_sound
-        && is_noisy
-        && !logs.settings.estimate.contains(&scale)
-        && let Some(scaled) = with_freed(&mut logs, &[scale], progress)?
-    {
-        estimated = scaled;
     }
     let seconds = begun.elapsed().as_secs_f64();
     let Estimate {
         trajectory,
         solution,
         covariance,
-        ..
-    } = estimated;
+    } = estimate;
     let poses = Poses {
         trajectory: trajectory.with_limits(project.limits)?,
         solution: Some(solution),

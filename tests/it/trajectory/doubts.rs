@@ -6,7 +6,7 @@ use crate::common::consistency::{Logs, twin};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 use boresight::simulation::{Drive, Scenario, Scene};
-use boresight::trajectory::{Doubt, doubts};
+use boresight::trajectory::{Doubt, estimate_tested};
 
 fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
     let mut scenario = Scenario::demo();
@@ -17,8 +17,8 @@ fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
 }
 
 fn doubted(logs: &Logs) -> Vec<Doubt> {
-    let solution = logs.estimate().solution;
-    doubts(&logs.motion(), &logs.settings, &solution, &Silent).expect("tests of the constants")
+    let tested = estimate_tested(&logs.motion(), &logs.settings, false, &Silent);
+    tested.expect("tests of the constants").doubts
 }
 
 fn prism_late(logs: &mut Logs, late_s: f64) {

@@ -6,11 +6,12 @@ use crate::common::external_data;
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::preflight;
+use boresight::progress::Silent;
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
-use boresight::trajectory::Estimate;
 use boresight::trajectory::{
     Constant, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
 };
+use boresight::trajectory::{Estimate, estimate_tested};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -247,12 +248,17 @@ fn the_recorded_flight_is_accurate_at_and_between_the_fixes() {
 /// Position error (root mean square, millimetres) outside a time span, and the estimate.
 fn errors_outside(flight: &Flight, logs: &Logs, away: (f64, f64)) -> (f64, Estimate) {
     let estimate = logs.estimate();
+    (errors_of(flight, &estimate, away), estimate)
+}
+
+/// Position error of an estimate outside a time span, root mean square, millimetres.
+fn errors_of(flight: &Flight, estimate: &Estimate, away: (f64, f64)) -> f64 {
     let errors = flight.truth.iter().filter_map(|(t, p, _)| {
         let pose = estimate.trajectory.pose_at(*t)?;
         let outside = !(away.0..away.1).contains(t);
         outside.then(|| (pose.translation_m - p).norm() * 1e3)
     });
-    (rms(errors), estimate)
+    rms(errors)
 }
 
 #[test]
@@ -327,23 +333,28 @@ fn a_real_flight_raises_no_warnings() {
     assert!(noise.is_none(), "{noise:?}");
 }
 
-/// Dropping half of the samples aliases vibration: the noise stated in the IMU's yaml is far too small.
+/// Dropping half of the samples aliases vibration: the noise stated in the IMU's yaml is far too small. Constants follow
+/// such residuals a little: noise explains them better.
 #[test]
-fn the_noise_of_a_recorded_flight_with_half_its_samples_is_scaled_up() {
+fn the_noise_of_a_recorded_flight_with_half_its_samples_is_scaled_up_and_no_constant_is_freed() {
     let Some(flight) = euroc() else {
         return;
     };
     let mut logs = flight.logs.clone();
     logs.imu = logs.imu.iter().step_by(2).copied().collect();
-    let (held_mm, held) = errors_outside(&flight, &logs, (0.0, 0.0));
-    let factor = held.solution.imu_noise_factor();
-    logs.settings.estimate = vec![Constant::ImuNoiseScale];
-    let (scaled_mm, scaled) = errors_outside(&flight, &logs, (0.0, 0.0));
+    let plain = logs.estimate();
+    let tested =
+        estimate_tested(&logs.motion(), &logs.settings, true, &Silent).expect("an estimate");
+    let [plain_mm, tested_mm] =
+        [&plain, &tested.estimate].map(|estimate| errors_of(&flight, estimate, (0.0, 0.0)));
     println!(
-        "noise factor {factor:.1}, {held_mm:.2} mm → {scaled_mm:.2} mm, {:?}",
-        scaled.solution.constants
+        "noise factor {:.1}, {plain_mm:.2} mm → {tested_mm:.2} mm, {:?}, {:?}",
+        plain.solution.imu_noise_factor(),
+        tested.estimate.solution.constants,
+        tested.doubts
     );
-    // A run estimates the scale from 1.2 on.
-    assert!(factor > 1.2);
-    assert!(scaled_mm <= held_mm.min(8.0));
+    assert!(plain.solution.imu_noise_factor() > 1.2);
+    assert!(tested.doubts.is_empty(), "{:?}", tested.doubts);
+    // The goal of the drive with all samples is 5 mm.
+    assert!(tested_mm <= plain_mm.min(8.0));
 }

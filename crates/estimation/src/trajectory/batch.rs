@@ -1,7 +1,7 @@
 //! The adjustment of a whole drive, repeated until clocks and outliers have settled.
 
 use super::clock;
-use super::constants::Constants;
+use super::constants::{Constants, latency_of};
 use super::graph::Graph;
 use super::initial::Initial;
 use super::rest::{Rest, rests};
@@ -130,21 +130,12 @@ pub fn adjust(
     }
 }
 
-/// The stream whose latency a constant is; `None` for other constants.
-pub fn latency_of(constant: &Constant) -> Option<Stream> {
-    match constant {
-        Constant::TimeOffset(sensor) => Some(Stream::Position(*sensor)),
-        Constant::HeadingTimeOffset => Some(Stream::Heading),
-        _ => None,
-    }
-}
-
 /// A correction from the first record on for each latency that is to be estimated.
 fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
     settings
         .estimate
         .iter()
-        .filter_map(latency_of)
+        .filter_map(|constant| latency_of(*constant))
         .map(|stream| ClockCorrection {
             stream,
             record: 0,

@@ -35,6 +35,15 @@ struct Clock {
     from: Vec<(Stream, usize)>,
 }
 
+/// The stream whose latency a constant is; `None` for other constants.
+pub fn latency_of(constant: Constant) -> Option<Stream> {
+    match constant {
+        Constant::TimeOffset(sensor) => Some(Stream::Position(sensor)),
+        Constant::HeadingTimeOffset => Some(Stream::Heading),
+        _ => None,
+    }
+}
+
 /// One column of the border.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
@@ -78,8 +87,13 @@ impl Constants {
             columns: Columns::default(),
             described: Vec::new(),
         };
-        for constant in &settings.estimate {
-            all.estimate(*constant, settings);
+        // Latencies are among the corrections.
+        for constant in settings
+            .estimate
+            .iter()
+            .filter(|c| latency_of(**c).is_none())
+        {
+            all.free(*constant, settings);
         }
         let names = Names(settings);
         for clock in corrections.iter().filter(|c| !c.held) {
@@ -94,7 +108,8 @@ impl Constants {
         all
     }
 
-    fn estimate(&mut self, constant: Constant, settings: &TrajectorySettings) {
+    /// Adds the columns of one more constant; the noise scale has none.
+    pub fn free(&mut self, constant: Constant, settings: &TrajectorySettings) {
         match constant {
             Constant::LeverArm(sensor) => {
                 let arm = &settings.positions[sensor];
@@ -131,9 +146,13 @@ impl Constants {
                 self.gravity_m_s2.estimate(&mut self.columns);
                 self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
             }
-            // Latencies are among the corrections of clocks; the noise scale is a variance component,
-            // estimated from the residuals.
-            Constant::TimeOffset(_) | Constant::HeadingTimeOffset | Constant::ImuNoiseScale => {}
+            Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
+                let name = constant.name(&settings.positions);
+                let from = latency_of(constant).map(|stream| (stream, 0));
+                self.add_clock(name, 0.0, from.into_iter().collect());
+            }
+            // A variance component, estimated from the residuals.
+            Constant::ImuNoiseScale => {}
         }
     }
 

@@ -1,25 +1,25 @@
-//! Constants that the project takes as known, tested against the drive.
+//! The noise of the IMU and the constants that the project takes as known, tested against the drive.
+//!
+//! Noise comes first: an IMU that vibrates more than its datasheet says would free any constant that
+//! follows its residuals a little. Models are compared by −2 ln L = Ω + r ln s² up to a constant, with the sum of
+//! squares Ω of the normalised residuals, the redundancy r of the IMU and the factor s on its standard deviations: a
+//! constant has to explain more than a larger s does.
 
-use serde::{Deserialize, Serialize};
-
-use super::estimate::estimate;
+use super::doubt::Doubt;
+use super::estimate::{Estimate, estimate};
 use super::settings::{Constant, TrajectorySettings};
-use super::solution::{EstimatedConstant, Solution};
+use super::solution::Solution;
 use super::streams::MotionLogs;
+use crate::adjustment::{ChainFactor, ChainProblem};
 use crate::error::{Error, Result};
-use crate::geometry::heading::wrap;
 use crate::progress::{Progress, Silent, Steps};
+use crate::statistics::median;
 
-/// A constant is doubted where the drive finds it off by more standard deviations than this.
-const MAX_SIGMAS: f64 = 5.0;
-/// And by more than a careful survey leaves: metres, seconds, radians, m/s².
-const LEAST_LEVER_ARM_M: f64 = 0.005;
-const LEAST_LATENCY_S: f64 = 0.003;
-const LEAST_OFFSET_RAD: f64 = 0.002;
-const LEAST_GRAVITY_M_S2: f64 = 0.02;
+/// The IMU's noise is scaled where its residuals ask for more than this factor.
+const NOTABLE_NOISE: f64 = 1.2;
 /// What a rejected component of a record counts in the sum of squares.
 const REJECTED_SQUARE: f64 = 16.0;
-/// Smallest decrease of the sum of squares that is not chance.
+/// Smallest decrease of −2 ln L that is not chance.
 const MIN_GAIN: f64 = 40.0;
 /// A fit is far off from this ratio of the sum of squares to the redundancy on.
 const MAX_RATIO: f64 = 3.0;
@@ -27,113 +27,295 @@ const MAX_RATIO: f64 = 3.0;
 const LEFT_SHARE: f64 = 0.02;
 /// Largest number of constants that are doubted.
 const MAX_DOUBTS: usize = 3;
-/// A likely mistake matches what the drive finds to this many standard deviations, or to these metres and
-/// radians.
-const MATCH_SIGMAS: f64 = 4.0;
-const MATCH_M: f64 = 0.02;
-const MATCH_RAD: f64 = 0.035;
+/// A latency of more records than this is not used without being asked for: it is rather a clock that was never set.
+const MAX_LATE_RECORDS: f64 = 10.0;
 
 /// Trials of a drive that nothing contradicts, and the units of their progress.
 const TRIALS: u64 = 1;
 const PROGRESS_UNITS: u64 = 1000;
 
-/// A constant of the project that the drive contradicts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Doubt {
-    /// The constant.
-    pub constant: Constant,
-    /// Its name in the project.
-    pub name: String,
-    /// Its components, with the project's values and those that the drive finds.
-    pub values: Vec<EstimatedConstant>,
-    /// How far the worst component is off, in standard deviations.
-    pub sigmas: f64,
-    /// Whether the value that the drive finds is used instead of the project's.
-    pub is_used: bool,
+/// A trajectory, estimated with the noise and the constants that the drive asks for.
+#[derive(Debug, Clone)]
+pub struct Tested {
+    /// The trajectory, with the noise of the IMU scaled and the doubted constants estimated where they may be.
+    pub estimate: Estimate,
+    /// The constants that the drive contradicts, those first that explain most.
+    pub doubts: Vec<Doubt>,
 }
 
-/// The constants that the drive contradicts, those first that explain most. `solution` is the solution of
-/// the logs with these settings.
-///
-/// First, all held constants are estimated at once; if the fit does not improve, nothing is doubted.
-/// Otherwise, and where the fit is far off to begin with, they are estimated one at a time, and the one
-/// with the best fit stays estimated while the others are tested (Wald tests, forward selection), until
-/// nothing is left to explain or no constant explains its part: a drive that fits badly for another reason
-/// fits a little better with every constant.
+/// Estimates the trajectory, and tests the noise of the IMU and the held constants against the drive. If `releases`, the
+/// noise is scaled and doubted constants are estimated where that explains the drive.
 ///
 /// # Errors
-/// [`Error::Cancelled`].
-pub fn doubts(
+/// As [`estimate`].
+pub fn estimate_tested(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    solution: &Solution,
+    releases: bool,
+    progress: &dyn Progress,
+) -> Result<Tested> {
+    let plain = estimate(logs, settings, progress)?;
+    let scaled = with_scaled_noise(logs, settings, &plain, progress)?;
+    let doubts = doubts(logs, settings, &plain, scaled.as_ref(), progress)?;
+    if !releases {
+        return Ok(Tested {
+            estimate: plain,
+            doubts,
+        });
+    }
+    let mut doubts: Vec<Doubt> = doubts
+        .into_iter()
+        .map(|doubt| Doubt {
+            is_used: is_small(&doubt, logs),
+            ..doubt
+        })
+        .collect();
+    // A constant that the others and the noise explain as well is asked again, and held.
+    while doubts.iter().any(|doubt| doubt.is_used) {
+        let mut freed = settings.clone();
+        let used = doubts.iter().filter(|doubt| doubt.is_used);
+        freed.estimate.extend(used.map(|doubt| doubt.constant));
+        let Some(released) = try_estimate(logs, &freed, progress)? else {
+            doubts.iter_mut().for_each(|doubt| doubt.is_used = false);
+            break;
+        };
+        let released = with_scaled_noise(logs, &freed, &released, progress)?.unwrap_or(released);
+        let count = doubts.len();
+        doubts = doubts
+            .into_iter()
+            .filter_map(|doubt| {
+                if !doubt.is_used {
+                    return Some(doubt);
+                }
+                let again = Doubt::of(doubt.constant, settings, &released.solution)?;
+                Some(Doubt {
+                    is_used: true,
+                    ..again
+                })
+            })
+            .collect();
+        if doubts.len() == count {
+            return Ok(Tested {
+                estimate: released,
+                doubts,
+            });
+        }
+    }
+    Ok(Tested {
+        estimate: scaled.unwrap_or(plain),
+        doubts,
+    })
+}
+
+/// The estimate with the noise of the IMU scaled, where the residuals of an estimate with these settings ask for that;
+/// `None` where they do not.
+fn with_scaled_noise(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    estimated: &Estimate,
+    progress: &dyn Progress,
+) -> Result<Option<Estimate>> {
+    if settings.estimate.contains(&Constant::ImuNoiseScale) || !is_noisy(&estimated.solution) {
+        return Ok(None);
+    }
+    try_estimate(logs, &noisy(settings), progress)
+}
+
+/// Whether the residuals of the IMU ask for more noise.
+fn is_noisy(solution: &Solution) -> bool {
+    solution.imu_noise_factor() > NOTABLE_NOISE
+}
+
+/// The settings with the noise of the IMU estimated.
+fn noisy(settings: &TrajectorySettings) -> TrajectorySettings {
+    let mut noisy = settings.clone();
+    noisy.estimate.push(Constant::ImuNoiseScale);
+    noisy
+}
+
+/// The estimate; `None` if it fails or does not converge.
+fn try_estimate(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    progress: &dyn Progress,
+) -> Result<Option<Estimate>> {
+    match estimate(logs, settings, progress) {
+        Ok(estimate) if estimate.solution.converged => Ok(Some(estimate)),
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        // The drive does not determine what is free.
+        _ => Ok(None),
+    }
+}
+
+/// Whether a doubted constant may be used as the drive finds it.
+fn is_small(doubt: &Doubt, logs: &MotionLogs<'_>) -> bool {
+    let spacing = |times: &mut dyn Iterator<Item = f64>| {
+        let times: Vec<f64> = times.collect();
+        median(times.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0)
+    };
+    let spacing_s = match doubt.constant {
+        Constant::TimeOffset(sensor) => {
+            spacing(&mut logs.positions[sensor].iter().map(|fix| fix.time_s))
+        }
+        Constant::HeadingTimeOffset => spacing(&mut logs.heading.iter().map(|fix| fix.time_s)),
+        _ => return true,
+    };
+    doubt.off() <= MAX_LATE_RECORDS * spacing_s
+}
+
+/// The constants that the drive contradicts, those first that explain most. `plain` is the estimate with these settings,
+/// `scaled` that with the noise of the IMU scaled, if `plain` asks for it.
+///
+/// First, the derivatives of all held constants at the solution tell by how much they would lower Ω; if that is
+/// chance, nothing is doubted. Otherwise they are tested one by one. If the IMU is noisy, they have to explain more than
+/// its noise does: either without noise, or with the noise estimated in each test, which takes longer.
+fn doubts(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    plain: &Estimate,
+    scaled: Option<&Estimate>,
     progress: &dyn Progress,
 ) -> Result<Vec<Doubt>> {
     let stage = progress.stage("testing the constants", PROGRESS_UNITS);
-    let trials = Steps::new(progress, TRIALS, PROGRESS_UNITS);
-    let solve_with = |more: &[Constant]| -> Result<Option<Solution>> {
-        progress.check()?;
-        let mut trial = settings.clone();
-        trial.estimate.extend(more);
-        let estimate = estimate(logs, &trial, &Silent);
-        trials.advance(1);
-        match estimate {
-            Ok(estimate) => Ok(Some(estimate.solution)),
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            // The drive does not determine them.
-            Err(_) => Ok(None),
+    let base = scaled.unwrap_or(plain);
+    let held = candidates(logs, settings);
+    // Derivatives know nothing of rejected records, which a constant that is far off has many of.
+    let is_blind = rejected_squares(&base.solution) > MIN_GAIN;
+    let is_chance = |gain: f64| gain < MIN_GAIN;
+    if !is_blind && gain_of(&held, settings, base).is_some_and(is_chance) {
+        drop(stage);
+        return Ok(Vec::new());
+    }
+    let mut test = Test {
+        logs,
+        settings,
+        held: &held,
+        trials: Steps::new(progress, TRIALS, PROGRESS_UNITS),
+        progress,
+    };
+    let selected = test.select(&plain.solution)?;
+    let doubts = match scaled {
+        None => selected.doubts,
+        Some(scaled) => {
+            let with_noise = noisy(settings);
+            let explains = |solution: &Solution| {
+                !is_noisy(solution) && misfit(solution) < misfit(&scaled.solution) - MIN_GAIN
+            };
+            if selected.solution.as_ref().is_some_and(explains) {
+                selected.doubts
+            } else {
+                test.settings = &with_noise;
+                test.select(&scaled.solution)?.doubts
+            }
         }
     };
-    let held = candidates(logs, settings);
-    let mut now = squares(solution);
-    let redundancy: f64 = solution
-        .sensors
-        .iter()
-        .map(|sensor| sensor.redundancy)
-        .sum();
-    // If the fit is far off, an adjustment of all of them at once has far to go and may end elsewhere.
-    let is_far_off = now >= MAX_RATIO * redundancy;
-    let least = if is_far_off {
-        0.0
-    } else {
-        solve_with(&held)?.map_or(0.0, |solution| squares(&solution))
-    };
-    let (mut freed, mut doubted) = (Vec::new(), Vec::new());
-    while now - least > MIN_GAIN && freed.len() < MAX_DOUBTS {
-        let enough = least + MIN_GAIN.max(LEFT_SHARE * (now - least));
-        // If constants together bring the fit down to its redundancy, one of them explains at least this.
-        let part = if is_far_off {
-            (now - redundancy) / MAX_DOUBTS as f64
-        } else {
-            0.0
-        };
-        let most = now - MIN_GAIN.max(part);
-        let mut best: Option<(f64, Constant, Solution)> = None;
-        for constant in held.iter().filter(|constant| !freed.contains(*constant)) {
-            let Some(solution) = solve_with(&[&freed[..], &[*constant]].concat())? else {
-                continue;
-            };
-            let squares = squares(&solution);
-            let better = best.as_ref().map_or(most, |(least, ..)| *least);
-            if squares < better && doubt(*constant, settings, &solution).is_some() {
-                best = Some((squares, *constant, solution));
+    drop(stage);
+    Ok(doubts)
+}
+
+/// Doubted constants, and the solution with them estimated.
+#[derive(Default)]
+struct Selected {
+    doubts: Vec<Doubt>,
+    solution: Option<Solution>,
+}
+
+/// Tests of constants by adjustments with these settings in which some are free.
+struct Test<'a> {
+    logs: &'a MotionLogs<'a>,
+    settings: &'a TrajectorySettings,
+    held: &'a [Constant],
+    trials: Steps<'a>,
+    progress: &'a dyn Progress,
+}
+
+impl Test<'_> {
+    fn solve_with(&self, more: &[Constant]) -> Result<Option<Solution>> {
+        self.progress.check()?;
+        let mut trial = self.settings.clone();
+        trial.estimate.extend(more);
+        let estimate = try_estimate(self.logs, &trial, &Silent)?;
+        self.trials.advance(1);
+        Ok(estimate.map(|estimate| estimate.solution))
+    }
+
+    /// The constants that explain a solution in which all are held: Wald tests, forward selection.
+    ///
+    /// All are estimated at once, to know what there is to explain. Where the fit is far off to begin with, or something
+    /// is left to explain, they are estimated one at a time, and the one with the best fit stays estimated while the
+    /// others are tested, until nothing is left to explain or no constant explains its part: a drive that fits badly for
+    /// another reason fits a little better with every constant.
+    fn select(&self, solution: &Solution) -> Result<Selected> {
+        let mut now = misfit(solution);
+        let sensors = solution.sensors.iter();
+        let redundancy: f64 = sensors.map(|sensor| sensor.redundancy).sum();
+        let is_far_off = now >= MAX_RATIO * redundancy;
+        let mut least = None;
+        let mut freed = Vec::new();
+        let mut selected = Selected::default();
+        while freed.len() < MAX_DOUBTS {
+            // From far off, an adjustment of all of them at once has far to go and may end elsewhere.
+            if least.is_none() && now < MAX_RATIO * redundancy {
+                least = self.solve_with(self.held)?.map(|all| misfit(&all));
             }
-            if best.as_ref().is_some_and(|(squares, ..)| *squares < enough) {
+            let least = least.filter(|least| *least <= now).unwrap_or(0.0);
+            if now - least <= MIN_GAIN {
                 break;
             }
+            let enough = least + MIN_GAIN.max(LEFT_SHARE * (now - least));
+            // If constants together bring the fit down to its redundancy, one of them explains at least this.
+            let part = if is_far_off {
+                (now - redundancy) / MAX_DOUBTS as f64
+            } else {
+                0.0
+            };
+            let most = now - MIN_GAIN.max(part);
+            let mut best: Option<(f64, Constant, Solution)> = None;
+            for constant in self.held.iter().filter(|held| !freed.contains(*held)) {
+                let Some(solution) = self.solve_with(&[&freed[..], &[*constant]].concat())? else {
+                    continue;
+                };
+                let misfit = misfit(&solution);
+                let better = best.as_ref().map_or(most, |(least, ..)| *least);
+                if misfit < better && Doubt::of(*constant, self.settings, &solution).is_some() {
+                    best = Some((misfit, *constant, solution));
+                }
+                if best.as_ref().is_some_and(|(misfit, ..)| *misfit < enough) {
+                    break;
+                }
+            }
+            let Some((misfit, constant, solution)) = best else {
+                break;
+            };
+            now = misfit;
+            freed.push(constant);
+            let all = freed.iter();
+            let doubts = all.filter_map(|constant| Doubt::of(*constant, self.settings, &solution));
+            selected = Selected {
+                doubts: doubts.collect(),
+                solution: Some(solution),
+            };
         }
-        let Some((squares, constant, solution)) = best else {
-            break;
-        };
-        now = squares;
-        freed.push(constant);
-        let all = freed.iter();
-        doubted = all
-            .filter_map(|constant| doubt(*constant, settings, &solution))
-            .collect();
+        Ok(selected)
     }
-    drop(stage);
-    Ok(doubted)
+}
+
+/// By how much Ω falls to first order if these constants are estimated too: gᵀ H⁻¹ g with their columns, whose part of
+/// the trajectory alone is zero at its solution. `None` if the normal equations are not positive definite.
+fn gain_of(
+    constants: &[Constant],
+    settings: &TrajectorySettings,
+    estimated: &Estimate,
+) -> Option<f64> {
+    let (graph, state, _) = estimated.covariance.parts();
+    let (mut graph, mut state) = (graph.clone(), state.clone());
+    for constant in constants {
+        state.constants.free(*constant, settings);
+    }
+    graph.set_clocks(&state.constants);
+    let mut factor = ChainFactor::new(graph.layout().clone(), state.constants.count());
+    graph.factorise(&state, 0.0, &mut factor).ok()?;
+    Some(factor.decrement())
 }
 
 /// The constants that are held, those with the largest mistakes first.
@@ -149,273 +331,17 @@ fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Const
         .collect()
 }
 
-/// The doubt about a constant that was estimated, if it is significantly off.
-fn doubt(constant: Constant, settings: &TrajectorySettings, solution: &Solution) -> Option<Doubt> {
-    let name = constant.name(&settings.positions);
-    let is_component = |estimated: &&EstimatedConstant| {
-        estimated.name == name
-            || estimated
-                .name
-                .strip_prefix(&name)
-                .is_some_and(|suffix| suffix.starts_with('.'))
-    };
-    let components = solution.constants.iter().filter(is_component);
-    let values: Vec<EstimatedConstant> = components.cloned().collect();
-    let least = match constant {
-        Constant::LeverArm(_) => LEAST_LEVER_ARM_M,
-        Constant::TimeOffset(_) | Constant::HeadingTimeOffset => LEAST_LATENCY_S,
-        Constant::HeadingOffset => LEAST_OFFSET_RAD,
-        _ => LEAST_GRAVITY_M_S2,
-    };
-    let sigmas = |estimated: &EstimatedConstant| {
-        let off = deviation(constant, estimated).abs();
-        let sigma = estimated.sigma.filter(|_| off > least);
-        sigma.map(|sigma| off / sigma)
-    };
-    let worst = values.iter().filter_map(sigmas).fold(0.0, f64::max);
-    (solution.converged && worst > MAX_SIGMAS).then_some(Doubt {
-        constant,
-        name,
-        values,
-        sigmas: worst,
-        is_used: false,
-    })
-}
-
-/// How far an estimated value is from the project's.
-fn deviation(constant: Constant, estimated: &EstimatedConstant) -> f64 {
-    let off = estimated.value - estimated.start;
-    match constant {
-        Constant::HeadingOffset => wrap(off),
-        _ => off,
-    }
-}
-
-/// How badly all records fit: the squares of those used, and a large one for each that was rejected.
-fn squares(solution: &Solution) -> f64 {
-    let by_sensor = solution
+/// −2 ln L: how badly all records fit, with the squares of those used and a large one for each that was rejected.
+fn misfit(solution: &Solution) -> f64 {
+    let used: f64 = solution
         .sensors
         .iter()
-        .map(|sensor| sensor.chi_square + REJECTED_SQUARE * sensor.rejected as f64);
-    by_sensor.sum()
+        .map(|sensor| sensor.chi_square)
+        .sum();
+    used + rejected_squares(solution) + solution.noise_penalty()
 }
 
-impl Doubt {
-    /// How far the worst component is off, in its unit.
-    pub fn off(&self) -> f64 {
-        let all = self.values.iter();
-        all.map(|estimated| deviation(self.constant, estimated).abs())
-            .fold(0.0, f64::max)
-    }
-
-    /// What the drive finds, which mistake is likely, and what to write.
-    pub fn describe(&self) -> String {
-        let name = &self.name;
-        let list = |text: &dyn Fn(&EstimatedConstant) -> String| {
-            self.values.iter().map(text).collect::<Vec<_>>().join(", ")
-        };
-        let first = self.values.first();
-        let (factor, unit) = first.map_or((1.0, ""), EstimatedConstant::shown_in);
-        let digits = match unit {
-            "ms" => 1,
-            "°" => 2,
-            _ => 4,
-        };
-        let with_sigma = |estimated: &EstimatedConstant| {
-            let sigma = estimated.sigma.unwrap_or(f64::NAN) * factor;
-            format!("{:.digits$} ± {sigma:.digits$}", estimated.value * factor)
-        };
-        let given =
-            |estimated: &EstimatedConstant| format!("{:.digits$}", estimated.start * factor);
-        let likely = self.likely();
-        let likely = likely.map_or(String::new(), |what| format!(" Is it {what}?"));
-        let then = if self.is_used {
-            "; the value found is used here".to_owned()
-        } else {
-            format!(", or let it be estimated with trajectory.estimate = [\"{name}\"]")
-        };
-        format!(
-            "the drive contradicts `{name}`: it finds {} {unit} instead of {}, {:.0} standard \
-             deviations off.{likely} {}{then}",
-            list(&with_sigma),
-            list(&given),
-            self.sigmas,
-            self.remedy()
-        )
-    }
-
-    /// The line to write.
-    fn remedy(&self) -> String {
-        let name = self.name.as_str();
-        let table = name.split_once('.').map_or(name, |(table, _)| table);
-        let value = self.values.first().map_or(f64::NAN, |first| first.value);
-        match self.constant {
-            Constant::LeverArm(_) => {
-                let list = |values: &[f64]| {
-                    let values = values.iter().map(|value| (1e4 * value).round() / 1e4);
-                    let values = values.map(|value| value.to_string());
-                    values.collect::<Vec<_>>().join(", ")
-                };
-                // The value that was meant is more exact than the one that the drive finds.
-                if let Some((_, meant)) = self.likely_lever_arm() {
-                    return format!("Then write [{table}] lever_arm_m = [{}]", list(&meant));
-                }
-                let estimated: Vec<f64> = self.values.iter().map(|axis| axis.value).collect();
-                format!(
-                    "Measure it again: [{table}] lever_arm_m = [{}] is what the drive finds, no more \
-                     accurate than stated",
-                    list(&estimated)
-                )
-            }
-            Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
-                format!("Check the clocks; adding {value:+.4} to [{table}] time_offset_s fits")
-            }
-            Constant::HeadingOffset => format!(
-                "Check it; [{table}] mounting_offset_deg = {:.2} fits",
-                value.to_degrees()
-            ),
-            _ => format!("Check it; [{table}] gravity_m_s2 = {value:.4} fits"),
-        }
-    }
-
-    /// The likely mistake.
-    fn likely(&self) -> Option<String> {
-        match self.constant {
-            Constant::LeverArm(_) => self.likely_lever_arm().map(|(what, _)| what),
-            Constant::HeadingOffset => {
-                let offset = self.values.first()?;
-                let within = MATCH_RAD.max(MATCH_SIGMAS * offset.sigma?);
-                let is_at = |rad: f64| wrap(offset.value - rad).abs() < within;
-                let turn = |deg: f64| offset.start + deg.to_radians();
-                if is_at(turn(180.0)) {
-                    Some("180°, with the antennas exchanged".into())
-                } else if is_at(turn(90.0)) || is_at(turn(-90.0)) {
-                    Some("90°, with the antennas across the direction of travel".into())
-                } else if offset.start.abs() > within && is_at(-offset.start) {
-                    Some("the sign of the offset".into())
-                } else {
-                    None
-                }
-            }
-            _ => None,
-        }
-    }
-
-    /// The likely mistake in words, and the lever arm that was meant.
-    fn likely_lever_arm(&self) -> Option<(String, [f64; 3])> {
-        let [x, y, z] = self.values.as_slice() else {
-            return None;
-        };
-        let matches = |estimated: &EstimatedConstant, value: f64| {
-            let within = MATCH_M.max(MATCH_SIGMAS * estimated.sigma.unwrap_or(0.0));
-            (estimated.value - value).abs() < within
-        };
-        let is_unchanged = |estimated: &EstimatedConstant| matches(estimated, estimated.start);
-        let is_flipped = |estimated: &EstimatedConstant| {
-            !is_unchanged(estimated) && matches(estimated, -estimated.start)
-        };
-        let all = [("x", x), ("y", y), ("z", z)];
-        let flipped = all.iter().filter(|(_, estimated)| is_flipped(estimated));
-        let flipped: Vec<&str> = flipped.map(|(axis, _)| *axis).collect();
-        let is_explained = |estimated| is_unchanged(estimated) || is_flipped(estimated);
-        if all.iter().all(|(_, estimated)| is_explained(estimated)) {
-            let what = match flipped.as_slice() {
-                [] => return None,
-                ["y", "z"] => "the sign of y and z, as in FLU in the place of FRD".into(),
-                axes => format!("the sign of {}", axes.join(" and ")),
-            };
-            let meant = all.map(|(_, estimated)| {
-                if is_flipped(estimated) {
-                    -estimated.start
-                } else {
-                    estimated.start
-                }
-            });
-            return Some((what, meant));
-        }
-        let exchanged = matches(x, y.start) && matches(y, x.start) && matches(z, z.start);
-        exchanged.then(|| ("x and y exchanged".into(), [y.start, x.start, z.start]))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Components with these project's values and estimates.
-    fn values(pairs: &[(f64, f64)]) -> Vec<EstimatedConstant> {
-        let names = [
-            "prism.lever_arm.x",
-            "prism.lever_arm.y",
-            "prism.lever_arm.z",
-        ];
-        pairs
-            .iter()
-            .zip(names)
-            .map(|(&(start, value), name)| EstimatedConstant {
-                name: name.into(),
-                unit: "m".into(),
-                start,
-                value,
-                sigma: Some(0.004),
-            })
-            .collect()
-    }
-
-    fn lever_arm(pairs: &[(f64, f64); 3]) -> Doubt {
-        Doubt {
-            constant: Constant::LeverArm(0),
-            name: "prism.lever_arm".into(),
-            values: values(pairs),
-            sigmas: 50.0,
-            is_used: false,
-        }
-    }
-
-    #[test]
-    fn likely_mistakes_in_a_lever_arm_are_named() {
-        for (pairs, likely) in [
-            (
-                [(0.1, -0.101), (0.05, -0.051), (-0.55, -0.549)],
-                Some("the sign of x and y"),
-            ),
-            (
-                [(0.1, 0.1), (0.05, -0.05), (-0.55, 0.56)],
-                Some("the sign of y and z, as in FLU in the place of FRD"),
-            ),
-            (
-                [(0.1, 0.052), (0.05, 0.098), (-0.55, -0.55)],
-                Some("x and y exchanged"),
-            ),
-            ([(0.1, 0.3), (0.05, 0.05), (-0.55, -0.55)], None),
-        ] {
-            assert_eq!(lever_arm(&pairs).likely().as_deref(), likely);
-        }
-    }
-
-    #[test]
-    fn without_a_likely_mistake_the_lever_arm_is_to_be_measured_again() {
-        let text = lever_arm(&[(0.1, 0.3), (0.05, 0.05), (-0.55, -0.55)]).describe();
-        for part in [
-            "Measure it again",
-            "[prism] lever_arm_m = [0.3, 0.05, -0.55] is what the drive finds",
-        ] {
-            assert!(text.contains(part), "{text}");
-        }
-    }
-
-    #[test]
-    fn a_doubt_says_what_was_found_and_what_to_write() {
-        let text = lever_arm(&[(0.1, -0.101), (0.05, -0.051), (-0.55, -0.549)]).describe();
-        for part in [
-            "contradicts `prism.lever_arm`",
-            "-0.1010 ± 0.0040, -0.0510 ± 0.0040, -0.5490 ± 0.0040 m",
-            "instead of 0.1000, 0.0500, -0.5500",
-            "Is it the sign of x and y?",
-            "Then write [prism] lever_arm_m = [-0.1, -0.05, -0.55]",
-            "trajectory.estimate = [\"prism.lever_arm\"]",
-        ] {
-            assert!(text.contains(part), "{text}");
-        }
-    }
+fn rejected_squares(solution: &Solution) -> f64 {
+    let rejected: usize = solution.sensors.iter().map(|sensor| sensor.rejected).sum();
+    REJECTED_SQUARE * rejected as f64
 }

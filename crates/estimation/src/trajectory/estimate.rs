@@ -1,7 +1,8 @@
 //! The trajectory stage: logs in, poses with standard deviations out.
 
-use super::batch::{Start, adjust, latency_of};
+use super::batch::{Start, adjust};
 use super::conclusion::conclude;
+use super::constants::latency_of;
 use super::covariance::PosteriorCovariance;
 use super::initial::initial;
 use super::interpolate::Trajectory;
@@ -65,7 +66,7 @@ pub fn estimate_from(
             return Ok(adjusted);
         }
         observable.estimate.retain(|constant| {
-            latency_of(constant).is_none_or(|stream| !unobservable.contains(&stream))
+            latency_of(*constant).is_none_or(|stream| !unobservable.contains(&stream))
         });
         adjust(start, logs, &observable, steps)
     });

@@ -10,6 +10,7 @@ mod conclusion;
 pub(crate) mod constants;
 mod covariance;
 mod diagnostics;
+mod doubt;
 mod doubts;
 mod estimate;
 pub(crate) mod factors;
@@ -35,7 +36,8 @@ pub(crate) mod timeline;
 mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
-pub use doubts::{Doubt, doubts};
+pub use doubt::Doubt;
+pub use doubts::{Tested, estimate_tested};
 pub use estimate::{Estimate, estimate};
 pub use imu_noise::{ImuDatasheet, ImuNoise};
 pub use interpolate::{PoseCursor, Trajectory};

@@ -255,16 +255,14 @@ impl fmt::Display for Solution {
 /// The IMU's noise is larger than expected where its residuals exceed it by more than this many standard
 /// deviations of the variance component.
 const NOISE_SIGMAS: f64 = 3.0;
+/// The estimated constant that is this factor.
+const NOISE_SCALE: &str = "imu.noise_scale";
 
 impl Solution {
     /// The factor on the standard deviations of the IMU that its residuals ask for, if it is significant;
     /// otherwise 1.
     pub fn imu_noise_factor(&self) -> f64 {
-        let is_imu = |name: &str| name == "gyro" || name == "accelerometer";
-        let sensors = self.sensors.iter().filter(|s| is_imu(&s.name));
-        let (square, redundancy) = sensors.fold((0.0, 0.0), |(square, redundancy), sensor| {
-            (square + sensor.chi_square, redundancy + sensor.redundancy)
-        });
+        let (square, redundancy) = self.imu_square_and_redundancy();
         let ratio: f64 = square / redundancy;
         let notable = ratio > 1.0 + NOISE_SIGMAS * (2.0 / redundancy).sqrt();
         if redundancy > 1.0 && notable {
@@ -272,5 +270,23 @@ impl Solution {
         } else {
             1.0
         }
+    }
+
+    /// r ln s²: what −2 ln L rises by where the IMU's standard deviations are scaled by s, with its redundancy r.
+    pub(super) fn noise_penalty(&self) -> f64 {
+        let (_, redundancy) = self.imu_square_and_redundancy();
+        let scale = self
+            .constants
+            .iter()
+            .find(|constant| constant.name == NOISE_SCALE);
+        scale.map_or(0.0, |scale| redundancy * (scale.value * scale.value).ln())
+    }
+
+    fn imu_square_and_redundancy(&self) -> (f64, f64) {
+        let is_imu = |name: &str| name == "gyro" || name == "accelerometer";
+        let sensors = self.sensors.iter().filter(|s| is_imu(&s.name));
+        sensors.fold((0.0, 0.0), |(square, redundancy), sensor| {
+            (square + sensor.chi_square, redundancy + sensor.redundancy)
+        })
     }
 }
