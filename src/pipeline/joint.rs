@@ -98,6 +98,7 @@ pub fn report(
     let adjusted = drives.collect::<Result<Vec<_>>>().and_then(|drives| {
         let mut input = JointInput {
             mountings: two_steps.mountings.clone(),
+            initial: &calibration_drive.rig.mountings,
             known: None,
             compliance: &[],
             estimate_latency: latencies(project),
@@ -289,6 +290,7 @@ pub fn with_known_mountings(
         compliance: &compliance,
         estimate_latency: vec![false; mountings.len()],
         mountings: mountings.clone(),
+        initial: mountings,
         known: Some(covariance),
         drives: vec![input(drive)?],
         reference: &[],

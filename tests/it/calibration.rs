@@ -162,7 +162,7 @@ fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
     let mut project = case.project.clone();
     project.scanners.truncate(1);
     project.calibration.voxel_sizes_m = vec![0.05];
-    let calibration = calibrated(&project, &case.drive.estimated, &[]);
+    let mut calibration = calibrated(&project, &case.drive.estimated, &[]);
     assert_eq!(
         calibration.observability.unobservable[0].description,
         "the height of `left`"
@@ -170,6 +170,15 @@ fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
     assert_eq!(calibration.unobservable(0), ["tz"]);
     let height = calibration.mountings[0].body_from_scanner.translation_m.z;
     assert!((height - 0.5).abs() < 1e-6, "held at 0.5 m, found {height}");
+    // The joint adjustment has a covariance of what it holds, for the distances between scanners.
+    calibration.covariance = Some(nalgebra::DMatrix::identity(6, 6));
+    let determined = calibration.determined_covariance().unwrap();
+    let correlation = calibration.correlation().unwrap();
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
+        let is_held = row == 2 || column == 2;
+        assert_eq!(determined[(row, column)].is_nan(), is_held);
+        assert_eq!(correlation[(row, column)].is_nan(), is_held);
+    }
 }
 
 #[test]

@@ -159,8 +159,8 @@ class Calibration(Result):
 
     @property
     def covariance(self) -> Array | None:
-        """(p, p) covariance of the parameters in their units; `None` if the method has none. It does not include the
-        directions in `undetermined`, which were held fixed."""
+        """(p, p) covariance of the parameters in their units, NaN for those that are fixed or that the data do not
+        determine; `None` if the method has none."""
         return _matrix(self._found.get("covariance"))
 
     @property

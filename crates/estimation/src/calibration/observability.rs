@@ -17,6 +17,8 @@ use crate::geometry::EulerConvention;
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
 /// close-range scanner.
 pub const LEVER_M: f64 = 1.5;
+/// A direction concerns the parameters that it moves by at least this share of the largest.
+const MOVED_SHARE: f64 = 1.0 / 3.0;
 
 /// Directions with a smaller share of the information count as unobservable. On simulated drives
 /// without a reference the heights have 2e-6 to 1e-5, from small roll and pitch angles, and the
@@ -160,6 +162,16 @@ impl UnobservableDirection {
             .contains(&(scanner, parameter))
     }
 
+    /// Whether it moves this component of (δp, δφ) by at least [`MOVED_SHARE`] of its largest.
+    pub(super) fn moves_row(&self, row: usize) -> bool {
+        let amount = |row: usize| {
+            let lever_m = if row % 6 < 3 { 1.0 } else { LEVER_M };
+            lever_m * self.direction[row].abs()
+        };
+        let largest = (0..self.direction.len()).map(amount).fold(0.0, f64::max);
+        amount(row) > MOVED_SHARE * largest
+    }
+
     /// P n: the direction restricted to the parameters it mainly moves, rotations weighted by
     /// [`LEVER_M`].
     fn weighted(&self) -> DVector<f64> {
@@ -212,7 +224,7 @@ fn affected_parameters(
         .fold(0.0, f64::max);
     amounts
         .into_iter()
-        .filter(|(_, amount)| amount.abs() > largest / 3.0)
+        .filter(|(_, amount)| amount.abs() > MOVED_SHARE * largest)
         .map(|(parameter, _)| parameter)
         .collect()
 }

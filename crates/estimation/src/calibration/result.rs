@@ -142,9 +142,29 @@ impl Calibration {
         self
     }
 
+    /// The covariance with NaN for fixed and unobservable parameters: what is held has no standard deviation, though
+    /// the distances between scanners that are held together have one.
+    pub fn determined_covariance(&self) -> Option<DMatrix<f64>> {
+        let covariance = self.covariance.as_ref()?;
+        let size = covariance.nrows();
+        let directions = &self.observability.unobservable;
+        let is_determined = |row: usize| {
+            let is_held = directions.iter().any(|direction| direction.moves_row(row));
+            covariance[(row, row)] > 0.0 && !is_held
+        };
+        let determined: Vec<bool> = (0..size).map(is_determined).collect();
+        Some(DMatrix::from_fn(size, size, |i, j| {
+            if determined[i] && determined[j] {
+                covariance[(i, j)]
+            } else {
+                f64::NAN
+            }
+        }))
+    }
+
     /// Correlations of (δp, δφ) of all scanners, NaN for fixed and unobservable parameters.
     pub fn correlation(&self) -> Option<DMatrix<f64>> {
-        let covariance = self.covariance.as_ref()?;
+        let covariance = self.determined_covariance()?;
         let size = covariance.nrows();
         Some(DMatrix::from_fn(size, size, |i, j| {
             covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()

@@ -31,6 +31,8 @@ pub struct JointDrive<'a> {
 pub struct JointInput<'a> {
     /// Start values of the mountings, one per scanner.
     pub mountings: Vec<Mounting>,
+    /// Initial values of the mountings: what nothing determines is held at these.
+    pub initial: &'a [Mounting],
     /// Covariance (δp, δφ) of the start values of the mountings if another adjustment estimated them;
     /// `None` if they are not known.
     pub known: Option<&'a DMatrix<f64>>,

@@ -12,6 +12,7 @@ use crate::calibration::parameters::{change, euler_jacobian_body};
 use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
+use nalgebra::DVector;
 
 /// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
 /// the problem solvable: ten thousand surfels together must not hold the common height to less than a metre.
@@ -186,8 +187,9 @@ impl JointProblem<'_> {
 
     /// Priors of the mountings: wide ones, and those of fixed parameters, held directions and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
-        let change = change(&self.input.mountings, &state.mountings);
-        let along = |direction: &[f64]| -> f64 {
+        let from_start = change(&self.input.mountings, &state.mountings);
+        let from_initial = change(self.input.initial, &state.mountings);
+        let along = |direction: &[f64], change: &DVector<f64>| -> f64 {
             let terms = direction.iter().zip(change.iter());
             terms.map(|(a, b)| a * b).sum()
         };
@@ -211,11 +213,15 @@ impl JointProblem<'_> {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                add(&direction, along(&direction), 1.0 / MOUNTING_SIGMA);
+                add(
+                    &direction,
+                    along(&direction, &from_start),
+                    1.0 / MOUNTING_SIGMA,
+                );
                 if !mounting.fixed[parameter] {
                     continue;
                 }
-                let mut moved = along(&direction);
+                let mut moved = along(&direction, &from_start);
                 if parameter >= 3 {
                     direction[place + parameter] = 0.0;
                     for axis in 0..3 {
@@ -228,11 +234,11 @@ impl JointProblem<'_> {
         }
         for direction in &self.held {
             let direction = direction.as_slice();
-            add(direction, along(direction), 1.0 / HELD_SIGMA);
+            add(direction, along(direction, &from_initial), 1.0 / HELD_SIGMA);
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
-            add(&direction, along(&direction), 1.0);
+            add(&direction, along(&direction, &from_start), 1.0);
         }
     }
 }

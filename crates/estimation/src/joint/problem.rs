@@ -39,7 +39,7 @@ pub struct JointProblem<'a> {
     pub groups: Groups,
     /// σ of the reference's surface errors, metres.
     pub surface_m: f64,
-    /// Directions of (δp, δφ) of all mountings that are held at their start values.
+    /// Directions of (δp, δφ) of all mountings that are held at their initial values.
     pub held: Vec<DVector<f64>>,
     pub(super) system: SparseSystem,
     pub(super) factor: Option<SparseFactor>,

@@ -52,7 +52,7 @@ pub struct Joint {
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
     pub regions: Vec<Region>,
-    /// Directions of the mountings that nothing determines: they are held at their start values.
+    /// Directions of the mountings that nothing determines: they are held at their initial values.
     pub held: Vec<DVector<f64>>,
     /// The residuals of each group.
     pub groups: Vec<GroupTest>,

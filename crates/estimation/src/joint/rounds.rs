@@ -150,7 +150,7 @@ impl Steps<'_> {
             problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &components);
             if self.hold(problem) {
-                // Residuals show nothing about trust before the mountings are back at their start values.
+                // Residuals show nothing about trust before the mountings are back at their initial values.
                 self.settle(problem, state, SCALING_SIGMAS)?;
             }
             problem.find_trust(state);
@@ -163,7 +163,7 @@ impl Steps<'_> {
         self.settle(problem, state, SETTLED_SIGMAS)
     }
 
-    /// Holds the directions that nothing determines at their start values; returns whether there are new
+    /// Holds the directions that nothing determines at their initial values; returns whether there are new
     /// ones.
     fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
         if !problem.held.is_empty() {

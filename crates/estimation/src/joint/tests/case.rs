@@ -337,6 +337,7 @@ impl Case {
     pub fn input(&self) -> JointInput<'_> {
         JointInput {
             mountings: self.mountings.clone(),
+            initial: &self.mountings,
             known: self.known.as_ref(),
             compliance: &[],
             estimate_latency: self.estimate_latency.clone(),
