@@ -33,7 +33,7 @@ const FEWEST: usize = 3;
 /// Least ratio of the second to the third eigenvalue of the scatter within clouds: that of a surface, not of a line.
 const SURFACE_RATIO: f64 = 4.0;
 /// Most neighbourhoods; few are enough for an alignment to a tenth of a voxel.
-const MAX_CENTRES: usize = 20_000;
+const MAX_CENTRES: usize = 5_000;
 /// Largest square of the distance along the plane between a cloud's mean and the centre, as a share of the mean square
 /// of its points' distances: a cloud that ends here lies to one side, where the ground may be higher. Half a disc has
 /// 0.36.
@@ -117,10 +117,11 @@ fn patches(problem: &ScaleProblem, placed: &Placed, pass_gap_s: f64) -> Vec<Patc
         let share = problem.k.div_ceil(clouds.len().max(1)).max(FEWEST);
         for cloud in &mut clouds {
             let distance = |point: &u32| (placed.world[*point as usize] - centre).norm_squared();
-            cloud
-                .points
-                .sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-            cloud.points.truncate(share);
+            if share < cloud.points.len() {
+                let by_distance = |a: &u32, b: &u32| distance(a).total_cmp(&distance(b));
+                cloud.points.select_nth_unstable_by(share, by_distance);
+                cloud.points.truncate(share);
+            }
         }
         Patch::new(clouds, centre, &placed.world)
     });
