@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Tests the Python package in a new environment: as a wheel in the profile `release`, or with the argument `built`
-# beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing. If Python, pip or
+# beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing, without the tests
+# marked `long`. If Python, pip or
 # the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -19,7 +20,9 @@ mkdir -p "$folder"
 python="$folder/venv/bin/python"
 pip=("$python" -m pip --quiet --disable-pip-version-check)
 
+chosen=()
 if [[ ${1:-wheel} == built ]]; then
+    chosen=(-m "not long")
     packages=$("$python" - <<'PACKAGES'
 import tomllib
 project = tomllib.load(open("python/pyproject.toml", "rb"))["project"]
@@ -40,4 +43,4 @@ else
     "${pip[@]}" install "$BORESIGHT_WHEEL[test]" || without "the packages of the tests cannot be had"
     echo "$(basename "$BORESIGHT_WHEEL"), $(($(stat -c %s "$BORESIGHT_WHEEL") / 1000)) kB"
 fi
-"$python" -m pytest -p no:cacheprovider python
+"$python" -m pytest -p no:cacheprovider "${chosen[@]}" python

@@ -103,6 +103,7 @@ def test_a_killed_worker_costs_nothing(client, made, by_pool, tmp_path):
     client.wait_for_workers(2)
 
 
+@pytest.mark.long
 def test_the_drift_watch_is_that_of_the_pool(client, tmp_path):
     made = simulated_campaign.make(tmp_path / "beets", plots=1, dates=2, boards=False, rate_hz=100.0, drift=True)
     by_pool = boresight.campaign(made.path, tmp_path / "pool", workers=2, progress=None)
@@ -127,6 +128,7 @@ def store():
     served.stop()
 
 
+@pytest.mark.long
 def test_inputs_and_outputs_in_s3(client, made, by_pool, store, tmp_path):
     import s3fs
 

@@ -9,7 +9,14 @@ import pytest
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+def _case(path: Path):
+    # Like that of the demo, but for the files that it begins with.
+    marks = pytest.mark.long if path.stem == "own_robot" else ()
+    return pytest.param(path, id=path.stem, marks=marks)
+
+
+@pytest.mark.parametrize("path", map(_case, NOTEBOOKS))
 def test_notebook(path, tmp_path):
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
