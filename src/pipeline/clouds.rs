@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::job::Job;
 use super::rig::Rig;
 use super::stages::{in_parallel, open_profiles, warn_of_missing};
+use crate::comparison::TimedPoint;
 use crate::error::{Error, Result};
 use crate::format::{
     self, CloudClock, CloudPoint, CloudShape, CloudSink, CloudWriter, ExtraDimension, ExtraKind,
@@ -265,6 +266,25 @@ pub fn place(
         let points = sample.points.iter();
         points.filter_map(|(_, point)| place.place(point)).collect()
     })
+}
+
+/// The sampled points of all scanners with these mountings, each with its time.
+pub fn place_timed(
+    trajectory: &Trajectory,
+    mounted: Mounted<'_>,
+    samples: &[CloudSample],
+) -> Vec<TimedPoint> {
+    let jobs: Vec<_> = samples.iter().enumerate().collect();
+    let placed = in_parallel(jobs, |(scanner, sample)| {
+        let mut place = mounted.georeferencer(scanner, trajectory);
+        let points = sample.points.iter().map(|(_, point)| TimedPoint {
+            scanner,
+            time_s: point.time_s,
+            position_m: place.place(point),
+        });
+        points.collect::<Vec<_>>()
+    });
+    placed.concat()
 }
 
 /// The file name of a scanner's cloud.

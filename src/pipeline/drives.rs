@@ -7,16 +7,18 @@ use super::clouds::{self, CloudSample, Mounted};
 use super::job::Job;
 use super::joint;
 use super::keys::{Key, Keys};
-use super::rig::Rig;
+use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::scene;
 use super::stages::{self, EstimatedPoses, Poses};
 use crate::calibration::{Calibration, Method};
-use crate::comparison::{Agreements, MountingKind, agreements};
+use crate::comparison::{
+    Agreements, MountingKind, PassCells, PassComparison, TimedPoint, agreements,
+};
 use crate::error::Result;
 use crate::geometry::{Bending, BodyFromScanner};
 use crate::joint::{Joint, SurfelPlane, contradictions};
 use crate::progress::Progress;
-use crate::project::{OtherDrive, Project};
+use crate::project::{Motion, OtherDrive, Project};
 use crate::report::scene::{Scene, View};
 use crate::results::Drive;
 use crate::trajectory::Trajectory;
@@ -204,7 +206,18 @@ impl Compared<'_> {
         let placed: Vec<_> = self.mountings.iter().map(place).collect();
         let scanners: Vec<&str> = project.scanners.iter().map(|s| s.name.as_str()).collect();
         let (surface, settings) = (calibration_drive.surface(progress)?, &project.comparison);
-        let agreements = agreements(name, &scanners, surface, &placed, settings, progress)?;
+        let mut agreements = agreements(name, &scanners, surface, &placed, settings, progress)?;
+        let timed = |kind, mountings: &[BodyFromScanner], trajectory: &Trajectory| {
+            let mounted = Mounted {
+                rig: &rig.with_poses(mountings),
+                bending: bending_of(kind),
+            };
+            clouds::place_timed(trajectory, mounted, samples)
+        };
+        let is_given = matches!(project.motion, Motion::Poses(_));
+        let is_adjusted = self.calibration.method == Method::Joint;
+        let given = (is_given && is_adjusted).then_some(&poses.trajectory);
+        agreements.passes = passes(&self.mountings, rig.finest_m(), trajectory_of, given, timed);
         let scene = {
             let _stage = progress.stage("selecting points for the page", 0);
             let views = self.mountings.iter().map(|(kind, mountings)| View {
@@ -305,4 +318,42 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
         preflight: poses.preflight,
         doubts: poses.doubts,
     }
+}
+
+/// How far passes over the same ground lie apart, with each kind of mounting on its poses, and, where poses were `given`
+/// and adjusted, also with the final mounting on those.
+fn passes<'a>(
+    mountings: &[(MountingKind, Vec<BodyFromScanner>)],
+    finest_m: f64,
+    trajectory_of: impl Fn(MountingKind) -> &'a Trajectory,
+    given: Option<&'a Trajectory>,
+    place: impl Fn(MountingKind, &[BodyFromScanner], &Trajectory) -> Vec<TimedPoint>,
+) -> Vec<PassComparison> {
+    let is_final = |(kind, _): &&(MountingKind, Vec<BodyFromScanner>)| *kind == MountingKind::Final;
+    let Some((_, result)) = mountings.iter().find(is_final) else {
+        return Vec::new();
+    };
+    let adjusted = place(
+        MountingKind::Final,
+        result,
+        trajectory_of(MountingKind::Final),
+    );
+    let cells = PassCells::new(&adjusted, PASS_CELL_VOXELS * finest_m);
+    let compared = |mounting, on_given_poses, points: &[TimedPoint]| {
+        let distances = cells.distances(points)?;
+        Some(PassComparison {
+            mounting,
+            on_given_poses,
+            distances,
+        })
+    };
+    let all = mountings.iter().map(|(kind, mountings)| match kind {
+        MountingKind::Final => compared(*kind, false, &adjusted),
+        _ => compared(*kind, false, &place(*kind, mountings, trajectory_of(*kind))),
+    });
+    let on_given = given.map(|trajectory| {
+        let points = place(MountingKind::Final, result, trajectory);
+        compared(MountingKind::Final, true, &points)
+    });
+    all.chain(on_given).flatten().collect()
 }

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use nalgebra::DMatrix;
 
-use super::rig::Rig;
+use super::given_poses::reason_for_two_steps;
+use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages::{self, EstimatedPoses};
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, ScannerSample};
@@ -120,7 +121,12 @@ pub fn report(
     }
     let (joint, late, mut refused) = match adjusted {
         Ok((joint, late)) => {
-            let refused = contradictions(&joint);
+            let mut refused = contradictions(&joint);
+            if matches!(project.motion, Motion::Poses(_)) {
+                let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
+                let samples = calibration_drive.samples;
+                refused.extend(reason_for_two_steps(samples, cell_m, two_steps, &joint));
+            }
             (Some(joint), late, refused)
         }
         Err(error) => (None, Vec::new(), vec![reason(error)?]),

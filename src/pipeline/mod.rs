@@ -14,6 +14,7 @@ pub mod features;
 pub mod field;
 mod findings;
 mod finished;
+mod given_poses;
 mod init;
 mod inputs;
 mod job;

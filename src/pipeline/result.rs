@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::findings::Findings;
 use crate::calibration::{Calibration, Mounting, MountingForms, PARAMETER_NAMES, Variant};
-use crate::comparison::{Against, Agreements, MountingKind};
+use crate::comparison::{Against, Agreements, MountingKind, PassComparison, PassDistances};
 use crate::diagnostics::{self, PoseSigmas};
 use crate::error::Result;
 use crate::geometry::Vec3;
@@ -168,8 +168,8 @@ pub fn calibrated(result: &Calibration) -> Value {
             "mounting_constant": constancy,
             "gap": result.gap,
             "parameters": parameters.collect::<Value>(),
-            "covariance": result.covariance.as_ref().map(rows),
             // Null where a parameter is fixed or unobservable.
+            "covariance": result.determined_covariance().as_ref().map(rows),
             "correlation": result.correlation().as_ref().map(rows),
             "relative": relative.collect::<Map<_, _>>(),
         },
@@ -270,6 +270,7 @@ fn moved(drive: &AdjustedDrive, mountings: &[Mounting]) -> Value {
             "rotation_deg": rms(&|i| drive.moved[i].turn_rad.map(f64::to_degrees)),
         },
         "points": points.collect::<Map<_, _>>(),
+        "pose_errors": drive.pose_errors,
         "jumps": jumps.collect::<Vec<_>>(),
     })
 }
@@ -320,7 +321,34 @@ fn evaluation(agreements: &Agreements) -> Value {
             value.insert(key.into(), nested.into());
         }
     }
+    if !agreements.passes.is_empty() {
+        value.insert("passes".into(), passes(&agreements.passes));
+    }
     value.into()
+}
+
+/// How far passes over the same ground lie apart, by mounting.
+fn passes(all: &[PassComparison]) -> Value {
+    let entries = all.iter().map(|comparison| {
+        let key = match (comparison.mounting, comparison.on_given_poses) {
+            (MountingKind::Initial, _) => "initial",
+            (MountingKind::TwoStep, _) => "two_steps",
+            (MountingKind::Truth, _) => "truth",
+            (MountingKind::Final, false) => "final",
+            (MountingKind::Final, true) => "final_on_given_poses",
+        };
+        let PassDistances {
+            median_m,
+            rms_m,
+            cells,
+            ..
+        } = comparison.distances;
+        (
+            key.to_owned(),
+            json!({ "median_m": median_m, "rms_m": rms_m, "cells": cells }),
+        )
+    });
+    entries.collect::<Map<_, _>>().into()
 }
 
 fn comparisons(agreements: &Agreements, kind: MountingKind) -> Map<String, Value> {

@@ -12,6 +12,10 @@ use crate::joint::Compliance;
 use crate::project::{Project, Scanner};
 use crate::trajectory::Trajectory;
 
+/// Edge of the cells in which passes are compared, in finest voxels of the calibration: that of a surfel, which holds
+/// enough points for its slopes.
+pub const PASS_CELL_VOXELS: f64 = 10.0;
+
 /// The scanners of a drive with the values that a run uses, in the order of its project, and the scales that suit their
 /// points. A run begins with the values of the project; each stage then uses the results of earlier stages.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -126,10 +126,11 @@ fn column(calibration: &Calibration, scanner: usize) -> Vec<String> {
 
 /// A table of the distances with a row per comparison and a column per mounting.
 pub fn distances(drives: &[Drive]) -> String {
-    let mut all = drives
-        .iter()
-        .flat_map(|drive| &drive.agreements.comparisons);
-    let is_joint = all.any(|agreement| agreement.mounting == MountingKind::TwoStep);
+    let is_joint = drives.iter().any(|drive| {
+        let two_steps = MountingKind::TwoStep;
+        let compared = drive.agreements.under(two_steps).next().is_some();
+        compared || drive.agreements.passes_of(two_steps, false).is_some()
+    });
     let result = if is_joint {
         "joint adjustment"
     } else {
@@ -151,6 +152,17 @@ pub fn distances(drives: &[Drive]) -> String {
                 let rmse_m = agreement.map(|agreement| agreement.statistics.rmse_m);
                 column.push(rmse_m.map_or("-".into(), |rmse| format!("{:.2} mm", rmse * 1e3)));
             }
+        }
+    }
+    for drive in drives
+        .iter()
+        .filter(|drive| !drive.agreements.passes.is_empty())
+    {
+        rows.push(format!("  {}: passes (median)", drive.name));
+        for ((kind, _), column) in kinds.iter().zip(&mut columns) {
+            let passes = drive.agreements.passes_of(*kind, false);
+            let median_m = passes.map(|passes| passes.median_m);
+            column.push(median_m.map_or("-".into(), |m| format!("{:.2} mm", m * 1e3)));
         }
     }
     // The truth is known only for simulations.

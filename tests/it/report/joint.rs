@@ -49,6 +49,7 @@ fn drive(full: &Full, east: f64) -> AdjustedDrive {
         trajectory: Trajectory::new(poses.clone()).expect("poses in time order"),
         bending: Vec::new(),
         imu: "imu".into(),
+        pose_errors: None,
         positions: [(2.0, 1.02), (10.0, 1.1), (30.0, east)].map(blocks).into(),
         residuals: vec![PositionResiduals {
             sensor: "prism".into(),

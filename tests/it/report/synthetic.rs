@@ -294,6 +294,7 @@ fn agreements(n: usize) -> Agreements {
     Agreements {
         comparisons: found.collect(),
         missing: Vec::new(),
+        passes: Vec::new(),
     }
 }
 

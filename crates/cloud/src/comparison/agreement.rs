@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::map::DistanceMap;
+use super::passes::PassDistances;
 use super::result::M3c2;
 use super::settings::ComparisonSettings;
 use super::statistics::Statistics;
@@ -80,6 +81,17 @@ impl Agreement {
     }
 }
 
+/// How far passes lie apart with one mounting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PassComparison {
+    /// The mounting.
+    pub mounting: MountingKind,
+    /// Whether the poses are those of a file, not adjusted.
+    pub on_given_poses: bool,
+    /// The distances.
+    pub distances: PassDistances,
+}
+
 /// All comparisons of one drive.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Agreements {
@@ -88,9 +100,28 @@ pub struct Agreements {
     pub comparisons: Vec<Agreement>,
     /// Comparisons under the final mounting without any distance: the other cloud, and the reason.
     pub missing: Vec<(Against, String)>,
+    /// Passes of the same scanner over the same ground; empty if there is no such ground. Without a reference and with
+    /// one scanner, nothing else can be compared.
+    pub passes: Vec<PassComparison>,
 }
 
 impl Agreements {
+    /// The passes with the result of the run, on the poses that it found.
+    pub fn final_passes(&self) -> Option<&PassDistances> {
+        self.passes_of(MountingKind::Final, false)
+    }
+
+    /// The passes with one mounting on poses of one kind.
+    pub fn passes_of(
+        &self,
+        mounting: MountingKind,
+        on_given_poses: bool,
+    ) -> Option<&PassDistances> {
+        let mut all = self.passes.iter();
+        let found = all.find(|p| p.mounting == mounting && p.on_given_poses == on_given_poses);
+        found.map(|comparison| &comparison.distances)
+    }
+
     /// Comparisons under one mounting.
     pub fn under(&self, mounting: MountingKind) -> impl Iterator<Item = &Agreement> {
         let all = self.comparisons.iter();
@@ -159,6 +190,7 @@ pub fn agreements(
             .map(|(_, agreement)| agreement)
             .collect(),
         missing: all.missing,
+        passes: Vec::new(),
     })
 }
 

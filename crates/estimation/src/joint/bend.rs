@@ -290,9 +290,10 @@ impl Bends {
                 }
                 _ => 1.0,
             };
-            shared * row.by_motion[class] * process.sigma[3 * class].powi(2)
+            let variance = row.by_motion[class] * process.sigma[3 * class].powi(2);
+            process.left_out_share(3 * class) * shared * variance
         };
-        process.left_out_share() * (of_class(0) + of_class(1))
+        of_class(0) + of_class(1)
     }
 
     /// (δφ, δp) of a scanner at a time of a drive.

@@ -8,6 +8,7 @@ use super::known::{known_points, prior_shares};
 use super::layout::Groups;
 use super::model::BLOCKS_S;
 use super::pattern::motion_left;
+use super::pose_errors::pose_errors;
 use super::problem::JointProblem;
 use super::result::{
     AdjustedDrive, GroupTest, Joint, Jump, MovedMounting, PoseMove, ReferenceError, SurfelPlane,
@@ -139,6 +140,10 @@ pub fn conclude(
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
             moved,
+            pose_errors: state.motions[index]
+                .errors()
+                .zip(drive.motion.errors())
+                .and_then(|(after, before)| pose_errors(after, before, &own_block)),
             imu: problem.groups.names[problem.groups.first_motion[index]].clone(),
             positions: BLOCKS_S
                 .iter()

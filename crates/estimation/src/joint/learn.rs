@@ -92,10 +92,11 @@ pub fn learn_from(
     }
     if let Some((a, elapsed_s)) = sums.correlation() {
         for process in bends.knots.iter_mut().flatten() {
-            let old_s = process.correlation_s;
+            let old_s = process.correlation_s[0];
             let found_s = (-elapsed_s / a.ln()).clamp(old_s / MAX_FACTOR, old_s * MAX_FACTOR);
             let most_s = process.span_s();
-            process.correlation_s = found_s.max(LEAST_KNOTS * elapsed_s).min(most_s);
+            let found_s = found_s.max(LEAST_KNOTS * elapsed_s).min(most_s);
+            process.correlation_s.fill(found_s);
         }
     }
     change
@@ -143,7 +144,7 @@ impl Sums {
                 for &s in &free[component] {
                     let process = &of_drive[s];
                     let variance = process.sigma[component].powi(2);
-                    let a = (-elapsed_s / process.correlation_s).exp();
+                    let a = (-elapsed_s / process.correlation_s[component]).exp();
                     let scale = (variance * (1.0 - a * a)).sqrt().recip();
                     let [x, y] = [knot, knot - 1].map(|k| process.at_knot(k)[component]);
                     let place = |s: usize, k: usize| offsets[s] + 6 * k + component;

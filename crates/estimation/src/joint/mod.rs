@@ -21,6 +21,7 @@ mod model;
 pub mod motion;
 mod normal;
 mod pattern;
+mod pose_errors;
 mod priors;
 mod problem;
 mod result;
@@ -42,7 +43,7 @@ pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
     AdjustedDrive, Climb, ContradictedLogs, GroupTest, Joint, JointReport, Jump, KnownPoint,
-    LateScanner, MovedMounting, PoseMove, ReferenceError, SurfelPlane, known_m,
+    LateScanner, MovedMounting, PoseErrors, PoseMove, ReferenceError, SurfelPlane, known_m,
 };
 pub use score::Score;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};

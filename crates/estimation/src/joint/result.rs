@@ -101,12 +101,28 @@ pub struct AdjustedDrive {
     pub points: Vec<Vec<KnownPoint>>,
     /// Name of the group of its IMU.
     pub imu: String,
+    /// Errors of its poses if these came from a file.
+    pub pose_errors: Option<PoseErrors>,
     /// Residuals of its position sensors in blocks of time.
     pub positions: Vec<PositionBlocks>,
     /// The same residuals one by one.
     pub residuals: Vec<PositionResiduals>,
     /// Change of each pose by the adjustment.
     pub moved: Vec<PoseMove>,
+}
+
+/// Errors of poses from a file: of each component, rotations about the body's axes (radians) and position in the
+/// world (metres).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PoseErrors {
+    /// Standard deviations.
+    pub sigma: [f64; 6],
+    /// Those with which the poses came.
+    pub stated_sigma: [f64; 6],
+    /// Correlation times, seconds.
+    pub correlation_s: [f64; 6],
+    /// Whether the scans determine both; otherwise they are as stated and assumed.
+    pub is_determined: [bool; 6],
 }
 
 /// Uncertainty of a point on the ground.

@@ -6,6 +6,7 @@ use super::bend::{Bends, Rung};
 use super::components::{Component, components, rescale};
 use super::conclude::not_determined;
 use super::learn::learn;
+use super::pose_errors::learn_pose_errors;
 use super::problem::JointProblem;
 use super::state::State;
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
@@ -23,6 +24,10 @@ pub const SETTLED_MOTION: f64 = 0.3;
 const DENSE_SHARE: f64 = 0.72;
 /// Most times that the noise is estimated in the last round.
 const MAX_SCALINGS: usize = 3;
+/// The same where the errors of poses are estimated too, from standard deviations that may be ten times too large or small.
+const MAX_SCALINGS_OF_POSES: usize = 15;
+/// The errors of poses have settled if no σ changes by more than this, as a logarithm.
+const SETTLED_POSES: f64 = 0.1;
 /// A parameter with a larger standard deviation is not determined, metres: initial values are about as good. Rotations
 /// are converted by [`LEVER_M`].
 const MAX_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
@@ -139,10 +144,17 @@ impl Steps<'_> {
             problem.find_trust(state);
             self.settle(problem, state, sigmas)?;
         }
+        let follows_scans = state.motions.iter().any(|motion| motion.errors().is_some());
+        let most = if follows_scans {
+            MAX_SCALINGS_OF_POSES
+        } else {
+            MAX_SCALINGS
+        };
         for scaling in 1.. {
             let components = components_at(problem, state)?;
             self.progress.advance(1);
             let learned = learn(problem, state);
+            let of_poses = learn_pose_errors(problem, state);
             // Dense knots follow a jump, which cannot be told from their own motion.
             let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
             let jumped = slow.is_some_and(Bends::restart);
@@ -154,8 +166,11 @@ impl Steps<'_> {
                 self.settle(problem, state, SCALING_SIGMAS)?;
             }
             problem.find_trust(state);
-            let is_settled = change < SETTLED_SCALE && learned < SETTLED_MOTION && !jumped;
-            if scaling == MAX_SCALINGS || is_settled {
+            let is_settled = change < SETTLED_SCALE
+                && learned < SETTLED_MOTION
+                && of_poses < SETTLED_POSES
+                && !jumped;
+            if scaling == most || is_settled {
                 break;
             }
             self.settle(problem, state, sigmas)?;

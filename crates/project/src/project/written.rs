@@ -227,7 +227,8 @@ pub struct Trajectory {
     pub sigma_position_m: Option<f64>,
     /// With `file`: standard deviation about each axis if the file gives none.
     pub sigma_rotation_deg: Option<f64>,
-    /// With `file`: correlation time of the errors of the poses.
+    /// With `file`: correlation time of the errors of the poses; the joint adjustment starts from it and from their
+    /// standard deviations, and estimates both.
     pub correlation_s: Option<f64>,
     /// Without `file`: `"prism"`, a node at each position and at least one per second; `"imu"`, a node at every IMU
     /// sample.

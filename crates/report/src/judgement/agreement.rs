@@ -19,7 +19,10 @@ pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
         let agreements = &drive.agreements;
         let pairs = agreements.under(MountingKind::Final);
         match number {
-            0 => all.extend(pairs.map(|pair| calibration_pair(agreements, pair, acceptance))),
+            0 => {
+                all.extend(pairs.map(|pair| calibration_pair(agreements, pair, acceptance)));
+                all.extend(passes(agreements));
+            }
             _ => all.extend(other_drive(drive, acceptance)),
         }
         let missing = agreements.missing.iter();
@@ -29,6 +32,44 @@ pub fn verdicts(drives: &[Drive], acceptance: &Acceptance) -> Vec<Verdict> {
         }));
     }
     all
+}
+
+/// How far passes of the calibration drive over the same ground lie apart, and whether the mounting of a joint
+/// adjustment also suits the poses as they were given.
+fn passes(agreements: &Agreements) -> Vec<Verdict> {
+    let Some(last) = agreements.final_passes() else {
+        return Vec::new();
+    };
+    let median = |kind, on_given| {
+        let passes = agreements.passes_of(kind, on_given);
+        passes.map(|passes| number::length(passes.median_m))
+    };
+    let before = median(MountingKind::Initial, false).map(|m| format!("before: {m}"));
+    let two_steps = median(MountingKind::TwoStep, false).map(|m| format!("after two steps: {m}"));
+    let earlier: Vec<String> = before.into_iter().chain(two_steps).collect();
+    let text = format!(
+        "Passes over the same ground lie {} apart in the median ({}), noise and relief of the ground included.",
+        number::length(last.median_m),
+        earlier.join(", "),
+    );
+    let found = Verdict::note("passes.distance", text).with_value(last.median_m, None);
+    std::iter::once(found)
+        .chain(unsuitable_for_given_poses(agreements))
+        .collect()
+}
+
+/// A mounting with which passes lie farther apart on the poses as they were given than with that of two steps.
+fn unsuitable_for_given_poses(agreements: &Agreements) -> Option<Verdict> {
+    let on_given = agreements.passes_of(MountingKind::Final, true)?;
+    let two_steps = agreements.passes_of(MountingKind::TwoStep, false)?;
+    let is_worse = on_given.is_worse_than(two_steps)?;
+    let text = format!(
+        "On the poses as they were given, passes lie {} apart with this mounting (root mean square), and {} with that \
+         of two steps: use it with the adjusted poses only, or calibrate with --method two-step.",
+        number::length(on_given.rms_m),
+        number::length(two_steps.rms_m),
+    );
+    is_worse.then(|| Verdict::care("passes.given_poses", text).with_value(on_given.rms_m, None))
 }
 
 fn code(agreement: &Agreement) -> &'static str {

@@ -2,7 +2,7 @@
 
 use crate::calibration::PARAMETER_NAMES;
 use crate::geometry::Vec3;
-use crate::joint::{Joint, known_m};
+use crate::joint::{AdjustedDrive, Joint, known_m};
 use crate::number;
 use crate::verdict::Verdict;
 
@@ -15,7 +15,60 @@ pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     all.extend(moving(joint));
     all.extend(jumps(joint));
     all.extend(points(joint));
+    all.extend(joint.drives.iter().filter_map(pose_errors));
     all
+}
+
+/// The verdict on the errors of poses from a file: their size and duration as the scans show them.
+fn pose_errors(drive: &AdjustedDrive) -> Option<Verdict> {
+    /// Names of the axes, in the order of the components.
+    const AXES: [&str; 6] = ["about x", "about y", "about z", "east", "north", "up"];
+    let errors = drive.pose_errors.as_ref()?;
+    let size = |sigma: f64, component: usize| {
+        if component < 3 {
+            format!("{:.3}°", sigma.to_degrees())
+        } else {
+            number::length(sigma)
+        }
+    };
+    let (mut found, mut open) = (Vec::new(), Vec::new());
+    for (i, axis) in AXES.iter().enumerate() {
+        if errors.is_determined[i] {
+            found.push(format!(
+                "{axis} {} over {:.1} s (stated: {})",
+                size(errors.sigma[i], i),
+                errors.correlation_s[i],
+                size(errors.stated_sigma[i], i),
+            ));
+        } else {
+            open.push(format!("{axis} {}", size(errors.stated_sigma[i], i)));
+        }
+    }
+    let mut text = String::from("Errors of the poses");
+    if !found.is_empty() {
+        text += &format!(", as the scans show them: {}", found.join(", "));
+    }
+    if open.is_empty() {
+        return Some(Verdict::note("poses.errors", text + "."));
+    }
+    let assumed_s = (0..6).find(|i| !errors.is_determined[*i]);
+    text += &format!(
+        "{} {}, each over {:.0} s, as stated and assumed, because the scans do not show them: the standard deviations of \
+         the mounting are no better than these.",
+        if found.is_empty() {
+            " are taken to be"
+        } else {
+            "; the others are taken to be"
+        },
+        open.join(", "),
+        assumed_s.map_or(f64::NAN, |i| errors.correlation_s[i]),
+    );
+    // Without any, all that is known of the poses is what somebody wrote.
+    Some(if found.is_empty() {
+        Verdict::care("poses.errors", text)
+    } else {
+        Verdict::note("poses.errors", text)
+    })
 }
 
 /// The verdict that the mountings move, by how much, and which parameters rest on the prior.

@@ -1,10 +1,13 @@
 //! The first screen of the page: headline with reasons, mountings, platform, a map, and all verdicts.
 
+use super::axis::Axis;
+use super::chart::Plot;
 use super::content::Content;
 use super::html::{self, escape};
 use super::platform::{self, Fan};
+use super::tables::mounting_name;
 use super::{maps, mounting};
-use crate::comparison::{Against, MountingKind};
+use crate::comparison::{Against, Agreements, MountingKind};
 use crate::number;
 use crate::results::Calibrations;
 use crate::verdict::{Headline, Severity, Verdict};
@@ -94,7 +97,10 @@ fn agreement(content: &Content) -> Option<String> {
             "The clouds agree with the reference to {only} or better."
         )),
         (None, Some(only)) => Some(format!("The clouds agree with each other to {only}.")),
-        (None, None) => None,
+        (None, None) => all.final_passes().map(|passes| {
+            let median = number::length(passes.median_m);
+            format!("Passes over the same ground lie {median} apart in the median.")
+        }),
     }
 }
 
@@ -126,11 +132,52 @@ fn fans(calibrations: &Calibrations) -> Vec<Fan<'_>> {
         .collect()
 }
 
-/// The map of the remaining distances between the first pair of clouds.
+/// The map of the remaining distances between the first pair of clouds; if there are no two clouds, how far passes lie
+/// apart.
 fn map(content: &Content) -> String {
-    let drive = content.drives.first();
-    let agreement = drive.and_then(|drive| drive.agreements.under(MountingKind::Final).next());
-    agreement.map(maps::alone).unwrap_or_default()
+    let Some(drive) = content.drives.first() else {
+        return String::new();
+    };
+    let mut agreements = drive.agreements.under(MountingKind::Final);
+    match agreements.next() {
+        Some(agreement) => maps::alone(agreement),
+        None => passes(&drive.agreements),
+    }
+}
+
+/// Width of the figure of passes and height of its rows.
+const PASSES_WIDTH: f64 = 420.0;
+const PASSES_ROW: f64 = 34.0;
+
+/// How far passes over the same ground lie apart, before and after.
+fn passes(agreements: &Agreements) -> String {
+    if agreements.final_passes().is_none() {
+        return String::new();
+    }
+    let is_joint = agreements.passes_of(MountingKind::TwoStep, false).is_some();
+    let names = agreements.passes.iter().map(|passes| {
+        let name = mounting_name(passes.mounting, is_joint);
+        let poses = if passes.on_given_poses {
+            ", given poses"
+        } else {
+            ""
+        };
+        let median = number::length(passes.distances.median_m);
+        format!("{name}{poses}: {median}")
+    });
+    let all = agreements.passes.iter();
+    let medians_mm: Vec<f64> = all.map(|p| 1e3 * p.distances.median_m).collect();
+    let ends = medians_mm.iter().copied().chain([0.0]);
+    let x = Axis::over("median distance between passes, mm", ends);
+    let mut plot = Plot::rows(PASSES_WIDTH, PASSES_ROW, &names.collect::<Vec<_>>(), x);
+    for (row, median_mm) in medians_mm.into_iter().enumerate() {
+        plot.span("there", (0.0, median_mm), row as f64, 10.0);
+    }
+    "<h3>Passes over the same ground</h3>\n".to_owned()
+        + &html::figure(
+            &plot.finish("How far passes over the same ground lie apart"),
+            "How far passes of a scanner over the same ground lie apart, along the normal; the smaller, the better.",
+        )
 }
 
 /// All verdicts: those that need attention, good results, information, and, separately, those on other drives and runs.

@@ -18,11 +18,13 @@ const SIZE: usize = 6;
 
 /// Knots per correlation time.
 const KNOTS: f64 = 10.0;
+/// Longest time between knots, seconds: errors may turn out to last much shorter than was assumed.
+const MAX_KNOT_S: f64 = 0.5;
 /// Most knots per pose.
 const KNOTS_PER_POSE: f64 = 4.0;
 
-/// Poses and their corrections. The corrections are a Gauss-Markov process with the poses' standard
-/// deviations, so poses stay as they are unless other observations contradict them.
+/// Poses and their corrections. The corrections are a Gauss-Markov process that starts with the poses' standard
+/// deviations and a correlation time that is assumed; the adjustment estimates both where the scans determine them.
 #[derive(Debug, Clone)]
 pub struct CorrectedPoses {
     poses: Arc<Trajectory>,
@@ -48,7 +50,7 @@ impl CorrectedPoses {
         let sigma = squares.map(|square| (square / poses.len() as f64).sqrt());
         let span_s = trajectory.span_s();
         // At most a few knots per pose, however long the span of the poses.
-        let count = ((span_s.1 - span_s.0) * KNOTS / correlation_s)
+        let count = ((span_s.1 - span_s.0) / (correlation_s / KNOTS).min(MAX_KNOT_S))
             .ceil()
             .clamp(1.0, KNOTS_PER_POSE * poses.len() as f64);
         // Rounding must not move the last knot beyond the last pose.
@@ -199,6 +201,14 @@ impl Motion for CorrectedPoses {
 
     fn constants(&self) -> Vec<ConstantValue> {
         Vec::new()
+    }
+
+    fn errors(&self) -> Option<&GaussMarkov> {
+        Some(&self.process)
+    }
+
+    fn errors_mut(&mut self) -> Option<&mut GaussMarkov> {
+        Some(&mut self.process)
     }
 
     fn boxed(&self) -> Box<dyn Motion> {

@@ -11,8 +11,8 @@ pub struct GaussMarkov {
     pub knot_s: Vec<f64>,
     /// σ of each component.
     pub sigma: Vec<f64>,
-    /// τ, seconds.
-    pub correlation_s: f64,
+    /// τ of each component, seconds.
+    pub correlation_s: Vec<f64>,
     /// Values at the knots, one after the other.
     pub value: Vec<f64>,
     /// Knots after a jump: they are not tied to the knot before.
@@ -44,8 +44,8 @@ impl GaussMarkov {
         Self {
             value: vec![0.0; knot_s.len() * sigma.len()],
             knot_s,
+            correlation_s: vec![correlation_s; sigma.len()],
             sigma,
-            correlation_s,
             restarts: Vec::new(),
         }
     }
@@ -57,8 +57,8 @@ impl GaussMarkov {
 
     /// Variance that straight lines between the knots leave out, as a share of σ²: h/(3τ) on average over
     /// intervals of h.
-    pub fn left_out_share(&self) -> f64 {
-        self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s)
+    pub fn left_out_share(&self, component: usize) -> f64 {
+        self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s[component])
     }
 
     /// Number of components.
@@ -161,7 +161,7 @@ impl GaussMarkov {
             return untied(sigma);
         };
         let elapsed_s = self.knot_s[knot] - self.knot_s[before];
-        let decay = (-elapsed_s / self.correlation_s).exp();
+        let decay = (-elapsed_s / self.correlation_s[component]).exp();
         let scale = 1.0 / (sigma * (1.0 - decay * decay).sqrt());
         Innovation {
             value: (here - decay * self.at_knot(before)[component]) * scale,

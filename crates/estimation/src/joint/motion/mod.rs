@@ -79,6 +79,16 @@ pub trait Motion: Send + Sync {
     /// A copy.
     fn boxed(&self) -> Box<dyn Motion>;
 
+    /// The errors of its poses whose size and duration the adjustment estimates; `None` if there are none.
+    fn errors(&self) -> Option<&GaussMarkov> {
+        None
+    }
+
+    /// The same, to be changed.
+    fn errors_mut(&mut self) -> Option<&mut GaussMarkov> {
+        None
+    }
+
     /// The residuals of its position sensors in blocks of this many seconds; empty without such
     /// sensors.
     fn position_blocks(&self, _block_s: f64) -> Vec<PositionBlocks> {

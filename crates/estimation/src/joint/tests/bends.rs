@@ -60,7 +60,7 @@ fn drawn(knots: usize, motion: Motion, seed: u64) -> Bends {
 fn learned(bends: &Bends) -> Motion {
     let process = &bends.knots[0][0];
     let sigma = [process.sigma[0], process.sigma[3]];
-    (sigma, process.correlation_s, bends.together)
+    (sigma, process.correlation_s[0], bends.together)
 }
 
 fn assert_near(learned: f64, expected: f64, share: f64, what: &str) {
@@ -75,7 +75,7 @@ fn parameters_are_recovered_from_known_values() {
     let mut bends = drawn(knots, motion, 1);
     let start = at_rest(knots, ([2e-3, 1e-3], 10.0, [0.0; 2]));
     for (process, start) in bends.knots[0].iter_mut().zip(&start.knots[0]) {
-        (process.sigma, process.correlation_s) = (start.sigma.clone(), start.correlation_s);
+        (process.sigma, process.correlation_s) = (start.sigma.clone(), start.correlation_s.clone());
     }
     bends.together = start.together;
     let offsets = [vec![0, 6 * knots]];
@@ -100,7 +100,13 @@ fn parameters_are_recovered_from_known_values() {
 fn covariance(bends: &Bends, component: usize, noise: f64) -> DMatrix<f64> {
     let processes: Vec<GaussMarkov> = bends.knots[0]
         .iter()
-        .map(|p| GaussMarkov::at_knots(p.knot_s.clone(), vec![p.sigma[component]], p.correlation_s))
+        .map(|p| {
+            GaussMarkov::at_knots(
+                p.knot_s.clone(),
+                vec![p.sigma[component]],
+                p.correlation_s[0],
+            )
+        })
         .collect();
     let knots = processes[0].knot_s.len();
     let placed: Vec<(&GaussMarkov, usize)> = processes.iter().zip([0, knots]).collect();

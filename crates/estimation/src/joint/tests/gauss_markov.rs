@@ -188,7 +188,7 @@ fn lines_between_knots_leave_out_a_third_of_an_interval() {
         / 1000.0;
     // To first order of h/τ.
     assert!(
-        (process.left_out_share() / mean - 1.0).abs() < 0.02,
+        (process.left_out_share(0) / mean - 1.0).abs() < 0.02,
         "{mean}"
     );
 }
