@@ -217,7 +217,7 @@ impl Compared<'_> {
         let is_given = matches!(project.motion, Motion::Poses(_));
         let is_adjusted = self.calibration.method == Method::Joint;
         let given = (is_given && is_adjusted).then_some(&poses.trajectory);
-        agreements.passes = passes(&self.mountings, rig.finest_m(), trajectory_of, given, timed);
+        agreements.passes = passes(self.mountings, rig.finest_m(), trajectory_of, given, timed);
         let scene = {
             let _stage = progress.stage("selecting points for the page", 0);
             let views = self.mountings.iter().map(|(kind, mountings)| View {

@@ -160,14 +160,23 @@ fn poses_from_logs(
     let begun = Instant::now();
     // Constants and noise that are estimated with wrong axes or signs are meaningless.
     let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
-    let Tested { estimate, doubts } = if is_sound {
+    let Tested {
+        estimate,
+        doubts,
+        steps,
+    } = if is_sound {
         estimate_tested(&logs.motion(), &logs.settings, estimates_doubted, progress)?
     } else {
         Tested {
             estimate: estimate(&logs.motion(), &logs.settings, progress)?,
             doubts: Vec::new(),
+            steps: Vec::new(),
         }
     };
+    let steps: Vec<Verdict> = steps.iter().map(judgement::position_step).collect();
+    for verdict in &steps {
+        progress.verdict(&verdict.text);
+    }
     for doubt in &doubts {
         progress.verdict(&judgement::doubt(doubt).text);
     }
@@ -183,7 +192,11 @@ fn poses_from_logs(
         rejected_rows: logs.rejected,
         seconds: Some(seconds),
         doubts,
-        preflight: contradicted.into_iter().chain(recorded).collect(),
+        preflight: contradicted
+            .into_iter()
+            .chain(steps)
+            .chain(recorded)
+            .collect(),
     };
     Ok(EstimatedPoses {
         poses,

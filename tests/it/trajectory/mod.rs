@@ -12,6 +12,7 @@ mod pose_case;
 mod pose_case_faults;
 mod recorded_flight;
 mod rover;
+mod steps;
 mod units;
 
 use crate::common::consistency::{Logs, Truth, rms};

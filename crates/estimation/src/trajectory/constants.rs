@@ -11,6 +11,7 @@ use nalgebra::SVector;
 const PRIOR_TIME_S: f64 = 1.0;
 const PRIOR_LEVER_ARM_M: f64 = 1.0;
 const PRIOR_INCIDENCE_M: f64 = 0.02;
+const PRIOR_STEP_M: f64 = 10.0;
 const PRIOR_OFFSET_RAD: f64 = 1.0;
 const PRIOR_GRAVITY_M_S2: f64 = 0.1;
 
@@ -57,6 +58,15 @@ pub struct Column {
     pub prior_sigma: f64,
 }
 
+/// By how much the positions of a sensor are off from a record on.
+#[derive(Debug, Clone)]
+pub struct OffsetFrom {
+    sensor: usize,
+    record: usize,
+    /// World.
+    pub offset_m: Parameter<Vec3>,
+}
+
 /// All constants.
 #[derive(Debug, Clone)]
 pub struct Constants {
@@ -65,6 +75,7 @@ pub struct Constants {
     pub heading_offset_rad: Parameter<f64>,
     /// One for each position sensor.
     pub positions: Vec<PositionConstants>,
+    steps: Vec<OffsetFrom>,
     clocks: Vec<Clock>,
     columns: Columns,
     /// Describes each estimated column.
@@ -83,6 +94,7 @@ impl Constants {
             gravity_m_s2: Parameter::held(settings.gravity_m_s2),
             heading_offset_rad: Parameter::held(0.0),
             positions: positions.collect(),
+            steps: Vec::new(),
             clocks: Vec::new(),
             columns: Columns::default(),
             described: Vec::new(),
@@ -129,6 +141,19 @@ impl Constants {
                         let name = format!("{sensor}.incidence_bias.{direction}_{wave}");
                         self.describe(name, "m", 0.0, PRIOR_INCIDENCE_M);
                     }
+                }
+            }
+            Constant::PositionStep { sensor, record } => {
+                let mut offset_m = Parameter::held(Vec3::zeros());
+                offset_m.estimate(&mut self.columns);
+                self.steps.push(OffsetFrom {
+                    sensor,
+                    record,
+                    offset_m,
+                });
+                for axis in ["east", "north", "up"] {
+                    let name = format!("{}.{axis}", constant.name(&settings.positions));
+                    self.describe(name, "m", 0.0, PRIOR_STEP_M);
                 }
             }
             Constant::HeadingOffset => {
@@ -192,6 +217,15 @@ impl Constants {
             sensor.lever_arm_m.value = before.lever_arm_m.value;
             sensor.incidence_m.value = before.incidence_m.value;
         }
+        for (step, before) in self.steps.iter_mut().zip(&before.steps) {
+            step.offset_m.value = before.offset_m.value;
+        }
+    }
+
+    /// The offsets of a position.
+    pub fn steps_before(&self, sensor: usize, record: usize) -> impl Iterator<Item = &OffsetFrom> {
+        let steps = self.steps.iter();
+        steps.filter(move |step| step.sensor == sensor && step.record <= record)
     }
 
     /// The clocks that apply to a record.
@@ -226,8 +260,13 @@ impl Constants {
             .positions
             .iter()
             .flat_map(|sensor| [&sensor.lever_arm_m as &dyn Retract, &sensor.incidence_m]);
+        let steps = self.steps.iter().map(|step| &step.offset_m as &dyn Retract);
         let clocks = self.clocks.iter().map(|c| &c.late_s as &dyn Retract);
-        shared.into_iter().chain(positions).chain(clocks)
+        shared
+            .into_iter()
+            .chain(positions)
+            .chain(steps)
+            .chain(clocks)
     }
 
     fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn Retract> {
@@ -240,7 +279,13 @@ impl Constants {
         });
         let clocks = self.clocks.iter_mut();
         let clocks = clocks.map(|c| &mut c.late_s as &mut dyn Retract);
-        shared.into_iter().chain(positions).chain(clocks)
+        let steps = self.steps.iter_mut();
+        let steps = steps.map(|step| &mut step.offset_m as &mut dyn Retract);
+        shared
+            .into_iter()
+            .chain(positions)
+            .chain(steps)
+            .chain(clocks)
     }
 
     /// The constants after a step of all columns.

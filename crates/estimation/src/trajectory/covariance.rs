@@ -93,6 +93,11 @@ impl PosteriorCovariance {
         (&self.graph, &self.state, &self.imu)
     }
 
+    /// The factor of the normal equations.
+    pub(super) fn factor(&self) -> &ChainFactor {
+        &self.factor
+    }
+
     /// Number of poses of the trajectory.
     pub fn nodes(&self) -> usize {
         self.graph.timeline.pose_s.len()

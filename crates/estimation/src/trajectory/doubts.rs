@@ -9,16 +9,16 @@ use super::doubt::Doubt;
 use super::estimate::{Estimate, estimate};
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
+use super::steps::{PositionStep, steps_of, with_steps};
 use super::streams::MotionLogs;
+use super::trial::{misfit, rejected_squares, try_estimate};
 use crate::adjustment::{ChainFactor, ChainProblem};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::progress::{Progress, Silent, Steps};
 use crate::statistics::median;
 
 /// The IMU's noise is scaled where its residuals ask for more than this factor.
 const NOTABLE_NOISE: f64 = 1.2;
-/// What a rejected component of a record counts in the sum of squares.
-const REJECTED_SQUARE: f64 = 16.0;
 /// Smallest decrease of −2 ln L that is not chance.
 const MIN_GAIN: f64 = 40.0;
 /// A fit is far off from this ratio of the sum of squares to the redundancy on.
@@ -41,6 +41,8 @@ pub struct Tested {
     pub estimate: Estimate,
     /// The constants that the drive contradicts, those first that explain most.
     pub doubts: Vec<Doubt>,
+    /// Steps of positions, which are estimated.
+    pub steps: Vec<PositionStep>,
 }
 
 /// Estimates the trajectory, and tests the noise of the IMU and the held constants against the drive. If `releases`, the
@@ -55,13 +57,17 @@ pub fn estimate_tested(
     progress: &dyn Progress,
 ) -> Result<Tested> {
     let plain = estimate(logs, settings, progress)?;
+    let (plain, settings) = with_steps(logs, settings, plain, progress)?;
+    let settings = &settings;
+    let tested = |estimate: Estimate, doubts| Tested {
+        steps: steps_of(logs, settings, &estimate.solution.constants),
+        estimate,
+        doubts,
+    };
     let scaled = with_scaled_noise(logs, settings, &plain, progress)?;
     let doubts = doubts(logs, settings, &plain, scaled.as_ref(), progress)?;
     if !releases {
-        return Ok(Tested {
-            estimate: plain,
-            doubts,
-        });
+        return Ok(tested(plain, doubts));
     }
     let mut doubts: Vec<Doubt> = doubts
         .into_iter()
@@ -95,16 +101,10 @@ pub fn estimate_tested(
             })
             .collect();
         if doubts.len() == count {
-            return Ok(Tested {
-                estimate: released,
-                doubts,
-            });
+            return Ok(tested(released, doubts));
         }
     }
-    Ok(Tested {
-        estimate: scaled.unwrap_or(plain),
-        doubts,
-    })
+    Ok(tested(scaled.unwrap_or(plain), doubts))
 }
 
 /// The estimate with the noise of the IMU scaled, where the residuals of an estimate with these settings ask for that;
@@ -131,20 +131,6 @@ fn noisy(settings: &TrajectorySettings) -> TrajectorySettings {
     let mut noisy = settings.clone();
     noisy.estimate.push(Constant::ImuNoiseScale);
     noisy
-}
-
-/// The estimate; `None` if it fails or does not converge.
-fn try_estimate(
-    logs: &MotionLogs<'_>,
-    settings: &TrajectorySettings,
-    progress: &dyn Progress,
-) -> Result<Option<Estimate>> {
-    match estimate(logs, settings, progress) {
-        Ok(estimate) if estimate.solution.converged => Ok(Some(estimate)),
-        Err(Error::Cancelled) => Err(Error::Cancelled),
-        // The drive does not determine what is free.
-        _ => Ok(None),
-    }
 }
 
 /// Whether a doubted constant may be used as the drive finds it.
@@ -329,19 +315,4 @@ fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Const
     let all = all.chain([Constant::Gravity]);
     all.filter(|constant| !settings.estimate.contains(constant))
         .collect()
-}
-
-/// −2 ln L: how badly all records fit, with the squares of those used and a large one for each that was rejected.
-fn misfit(solution: &Solution) -> f64 {
-    let used: f64 = solution
-        .sensors
-        .iter()
-        .map(|sensor| sensor.chi_square)
-        .sum();
-    used + rejected_squares(solution) + solution.noise_penalty()
-}
-
-fn rejected_squares(solution: &Solution) -> f64 {
-    let rejected: usize = solution.sensors.iter().map(|sensor| sensor.rejected).sum();
-    REJECTED_SQUARE * rejected as f64
 }

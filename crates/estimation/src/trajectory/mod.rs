@@ -29,10 +29,12 @@ mod robust;
 mod settings;
 mod solution;
 pub(crate) mod states;
+mod steps;
 pub(crate) mod streams;
 #[cfg(test)]
 mod tests;
 pub(crate) mod timeline;
+mod trial;
 mod variance;
 
 pub use covariance::{PoseGradient, PosteriorCovariance};
@@ -50,4 +52,5 @@ pub use solution::{
     ClockJump, EstimatedConstant, Rejection, RejectionReason, Residual, SensorDiagnostics,
     Solution, StopReason,
 };
+pub use steps::PositionStep;
 pub use streams::MotionLogs;

@@ -120,6 +120,14 @@ pub enum Constant {
     /// `prism.incidence_bias`, two amplitudes of the error of a 360° prism that turns with the
     /// angle of incidence, six periods a turn: along and across the line of sight, metres.
     IncidenceBias(usize),
+    /// From this record (from 0) on, the positions of the sensor are off, three values, metres in the world. Found in the
+    /// log, not named in a project.
+    PositionStep {
+        /// The sensor.
+        sensor: usize,
+        /// The first record that is off.
+        record: usize,
+    },
     /// `heading.mounting_offset`, radians.
     HeadingOffset,
     /// `heading.time_offset`, seconds.
@@ -142,6 +150,9 @@ impl Constant {
             Self::TimeOffset(index) => name_of(index, "time_offset"),
             Self::LeverArm(index) => name_of(index, "lever_arm"),
             Self::IncidenceBias(index) => name_of(index, "incidence_bias"),
+            Self::PositionStep { sensor, record } => {
+                name_of(sensor, &format!("step at record {}", record + 1))
+            }
             Self::HeadingOffset => "heading.mounting_offset".into(),
             Self::HeadingTimeOffset => "heading.time_offset".into(),
             Self::Gravity => "frame.gravity".into(),

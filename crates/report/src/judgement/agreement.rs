@@ -47,10 +47,14 @@ fn passes(agreements: &Agreements) -> Vec<Verdict> {
     let before = median(MountingKind::Initial, false).map(|m| format!("before: {m}"));
     let two_steps = median(MountingKind::TwoStep, false).map(|m| format!("after two steps: {m}"));
     let earlier: Vec<String> = before.into_iter().chain(two_steps).collect();
+    let aside = if earlier.is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", earlier.join(", "))
+    };
     let text = format!(
-        "Passes over the same ground lie {} apart in the median ({}), noise and relief of the ground included.",
+        "Passes over the same ground lie {} apart in the median{aside}, noise and relief of the ground included.",
         number::length(last.median_m),
-        earlier.join(", "),
     );
     let found = Verdict::note("passes.distance", text).with_value(last.median_m, None);
     std::iter::once(found)

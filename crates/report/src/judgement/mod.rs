@@ -24,7 +24,7 @@ pub use placement::{far_starts, newer_calibration, placed, unusable_calibration}
 pub use precision::{observability, relative, unobservable};
 pub use recording::verdicts as recording;
 pub use reference::{disagreements, included as reference_sigmas};
-pub use trajectory::{doubt, verdicts as trajectory};
+pub use trajectory::{doubt, position_step, verdicts as trajectory};
 
 use std::cmp::Reverse;
 

@@ -6,7 +6,7 @@ use crate::diagnostics::{
     sensors_shown,
 };
 use crate::number;
-use crate::trajectory::{Constant, Doubt, SensorDiagnostics, Solution};
+use crate::trajectory::{Constant, Doubt, PositionStep, SensorDiagnostics, Solution};
 use crate::verdict::{Severity, Verdict, capitalised};
 
 /// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
@@ -40,6 +40,24 @@ pub fn doubt(doubt: &Doubt) -> Verdict {
         [only] => verdict.with_value(only.value, only.sigma),
         _ => verdict,
     }
+}
+
+/// The verdict on positions that step and stay.
+pub fn position_step(step: &PositionStep) -> Verdict {
+    let [east, north, up] = [0, 1, 2].map(|axis| {
+        let (mm, sigma_mm) = (1e3 * step.step_m[axis], 1e3 * step.sigma_m[axis]);
+        format!("{mm:+.0} ± {sigma_mm:.0}")
+    });
+    let text = format!(
+        "The positions of `{}` step by {} at {:.3} s (record {}): {east} mm east, {north} north, {up} up. Was a base or a fix \
+         changed, or the tripod bumped? Estimated and corrected, with the positions before it as the right ones.",
+        step.sensor,
+        number::length(step.step_m.norm()),
+        step.time_s,
+        step.record,
+    );
+    let code = format!("{}.step", step.sensor);
+    Verdict::care(&code, text).with_value(step.step_m.norm(), None)
 }
 
 /// A span as text, with times as in the logs.

@@ -11,7 +11,7 @@ use crate::trajectory::states::NodeState;
 /// Periods of the incidence-dependent error of a 360° prism in a turn: one for each of its facets.
 const FACETS: f64 = 6.0;
 
-/// A fix of a prism or antenna: r = p(t) + R(t) l + e − z, metres in the world.
+/// A fix of a prism or antenna: r = p(t) + R(t) l + e + s − z, metres in the world, with the steps s of earlier records.
 ///
 /// e is the error of a 360° prism that turns with the angle of incidence α of the line of sight in
 /// the body's horizontal plane: for each of the directions along and across the line of sight and
@@ -75,6 +75,9 @@ impl PositionFactor {
         let sensor_constants = &constants.positions[self.sensor];
         let prism = at.world_from_body.map(&sensor_constants.lever_arm_m.value);
         let mut residual = prism - self.position_m;
+        for step in constants.steps_before(self.sensor, self.record) {
+            residual += step.offset_m.value;
+        }
         if sensor_constants.incidence_m.block().is_some() {
             let basis = sensor.incidence_basis(&prism, &at.world_from_body.rotation);
             let terms = basis.iter().zip(sensor_constants.incidence_m.value.iter());
@@ -134,6 +137,11 @@ impl PositionFactor {
         if let Some(block) = sensor_constants.lever_arm_m.block() {
             let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
             rows.touch(block, axes.map(|axis| column(rotation * axis)));
+        }
+        for step in constants.steps_before(self.sensor, self.record) {
+            if let Some(block) = step.offset_m.block() {
+                rows.touch(block, [Vec3::x(), Vec3::y(), Vec3::z()].map(column));
+            }
         }
         if let Some(block) = sensor_constants.incidence_m.block() {
             let basis = sensor.incidence_basis(&at.world_from_body.map(&arm), rotation);
