@@ -6,7 +6,7 @@ use crate::common::consistency::{Logs, twin};
 use boresight::geometry::Vec3;
 use boresight::progress::Silent;
 use boresight::simulation::{Drive, Scenario, Scene};
-use boresight::trajectory::{Doubt, estimate_tested};
+use boresight::trajectory::{Doubt, Tested, estimate_tested};
 
 fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
     let mut scenario = Scenario::demo();
@@ -16,9 +16,9 @@ fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
     twin(&scenario, &drive, 0).0
 }
 
-fn doubted(logs: &Logs) -> Vec<Doubt> {
-    let tested = estimate_tested(&logs.motion(), &logs.settings, false, &Silent);
-    tested.expect("tests of the constants").doubts
+fn tested(logs: &Logs) -> Tested {
+    let tested = estimate_tested(&logs.motion(), &logs.settings, true, &Silent);
+    tested.expect("tests of the constants")
 }
 
 fn prism_late(logs: &mut Logs, late_s: f64) {
@@ -156,7 +156,8 @@ fn assert_named(mistakes: &[&Mistake]) {
         let mut logs = clean.clone();
         make(&mut logs);
         let begun = Instant::now();
-        let doubts = doubted(&logs);
+        let Tested { doubts, steps, .. } = tested(&logs);
+        assert!(steps.is_empty(), "{what}: {steps:?}");
         let mut names: Vec<String> = doubts.iter().map(|doubt| doubt.name.clone()).collect();
         println!("{what}: {:.2} s", begun.elapsed().as_secs_f64());
         doubts
@@ -184,13 +185,14 @@ fn clean_drives_raise_no_doubts() {
 
 fn assert_no_doubts(seeds: std::ops::Range<u64>) {
     for seed in seeds {
-        let doubts = doubted(&drive(seed, |scenario| {
+        let doubts = tested(&drive(seed, |scenario| {
             // The sensors differ in noise from drive to drive, and the settings state it.
             let factor = [0.5, 1.0, 2.0, 4.0][seed as usize % 4];
             scenario.imu.gyro_noise_deg_sqrt_h *= factor;
             scenario.imu.accel_noise_ug_sqrt_hz *= factor;
             scenario.heading.sigma_deg *= factor.min(2.0);
-        }));
+        }))
+        .doubts;
         assert!(doubts.is_empty(), "seed {seed}: {doubts:?}");
     }
 }

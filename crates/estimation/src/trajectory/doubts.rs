@@ -9,7 +9,7 @@ use super::doubt::Doubt;
 use super::estimate::{Estimate, estimate};
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
-use super::steps::{PositionStep, steps_of, with_steps};
+use super::steps::{PositionStep, SIGNIFICANT_SQUARE, find, steps_of, with_steps};
 use super::streams::MotionLogs;
 use super::trial::{misfit, rejected_squares, try_estimate};
 use crate::adjustment::{ChainFactor, ChainProblem};
@@ -57,8 +57,32 @@ pub fn estimate_tested(
     progress: &dyn Progress,
 ) -> Result<Tested> {
     let plain = estimate(logs, settings, progress)?;
-    let (plain, settings) = with_steps(logs, settings, plain, progress)?;
-    let settings = &settings;
+    let by_constants = with_constants(logs, settings, plain.clone(), releases, progress)?;
+    // A wrong lever arm moves positions with each turn of the body, which looks like steps, until it is estimated.
+    if find(&by_constants.estimate, settings).is_none() {
+        return Ok(by_constants);
+    }
+    let (stepped, with_steps) = with_steps(logs, settings, &plain, progress)?;
+    let by_steps = with_constants(logs, &with_steps, stepped, releases, progress)?;
+    let [of_constants, of_steps] = [&by_constants, &by_steps].map(|t| misfit(&t.estimate.solution));
+    let explained = SIGNIFICANT_SQUARE * by_steps.steps.len() as f64;
+    let is_told = !releases && !by_constants.doubts.is_empty();
+    let is_simpler = of_constants < of_steps + explained;
+    Ok(if is_told || is_simpler {
+        by_constants
+    } else {
+        by_steps
+    })
+}
+
+/// Tests the noise and the constants with a `plain` estimate with these settings.
+fn with_constants(
+    logs: &MotionLogs<'_>,
+    settings: &TrajectorySettings,
+    plain: Estimate,
+    releases: bool,
+    progress: &dyn Progress,
+) -> Result<Tested> {
     let tested = |estimate: Estimate, doubts| Tested {
         steps: steps_of(logs, settings, &estimate.solution.constants),
         estimate,

@@ -29,7 +29,7 @@ const MAX_PLACES: usize = 16;
 const MAX_STEPS: usize = 4;
 /// A step is one beyond this sum of squares over its three coordinates: that of 7 standard deviations, which none of
 /// the thousands of records of a drive reaches by chance.
-const SIGNIFICANT_SQUARE: f64 = 49.0;
+pub const SIGNIFICANT_SQUARE: f64 = 49.0;
 /// Smaller steps are multipath and noise, metres.
 const LEAST_STEP_M: f64 = 0.01;
 /// Errors that are stated to last change by this many of their standard deviations at most: of the difference of two
@@ -59,10 +59,10 @@ pub struct PositionStep {
 pub fn with_steps(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    plain: Estimate,
+    plain: &Estimate,
     progress: &dyn Progress,
 ) -> Result<(Estimate, TrajectorySettings)> {
-    let (mut found, mut settings) = (plain, settings.clone());
+    let (mut found, mut settings) = (plain.clone(), settings.clone());
     for _ in 0..MAX_STEPS {
         let Some(step) = find(&found, &settings) else {
             break;
@@ -105,7 +105,7 @@ pub fn steps_of(
 }
 
 /// The most significant step that is not estimated yet.
-fn find(estimate: &Estimate, settings: &TrajectorySettings) -> Option<Constant> {
+pub fn find(estimate: &Estimate, settings: &TrajectorySettings) -> Option<Constant> {
     let (graph, state, _) = estimate.covariance.parts();
     let places: Vec<(usize, usize)> = (0..settings.positions.len())
         .flat_map(|sensor| places(graph, state, sensor))
