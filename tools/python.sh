@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # Tests the Python package in a new environment: as a wheel in the profile `release`, or with the argument `built`
 # beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing, without the tests
-# marked `long`. If Python, pip or
-# the packages of the tests are not available, it prints this and succeeds.
+# marked `long`. If Python, pip or the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

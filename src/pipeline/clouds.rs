@@ -260,12 +260,7 @@ pub fn place(
     mounted: Mounted<'_>,
     samples: &[CloudSample],
 ) -> Vec<Vec<Vec3>> {
-    let jobs: Vec<_> = samples.iter().enumerate().collect();
-    in_parallel(jobs, |(index, sample)| {
-        let mut place = mounted.georeferencer(index, trajectory);
-        let points = sample.points.iter();
-        points.filter_map(|(_, point)| place.place(point)).collect()
-    })
+    placed(trajectory, mounted, samples, |_, _, position_m| position_m)
 }
 
 /// The sampled points of all scanners with these mountings, each with its time.
@@ -274,17 +269,36 @@ pub fn place_timed(
     mounted: Mounted<'_>,
     samples: &[CloudSample],
 ) -> Vec<TimedPoint> {
+    let timed = placed(
+        trajectory,
+        mounted,
+        samples,
+        |scanner, point, position_m| {
+            Some(TimedPoint {
+                scanner,
+                time_s: point.time_s,
+                position_m,
+            })
+        },
+    );
+    timed.concat()
+}
+
+/// What `keep` makes of each sampled point of each scanner and of its place, which is `None` without a pose.
+fn placed<T: Send>(
+    trajectory: &Trajectory,
+    mounted: Mounted<'_>,
+    samples: &[CloudSample],
+    keep: impl Fn(usize, &ScanPoint, Option<Vec3>) -> Option<T> + Sync,
+) -> Vec<Vec<T>> {
     let jobs: Vec<_> = samples.iter().enumerate().collect();
-    let placed = in_parallel(jobs, |(scanner, sample)| {
+    in_parallel(jobs, |(scanner, sample)| {
         let mut place = mounted.georeferencer(scanner, trajectory);
-        let points = sample.points.iter().map(|(_, point)| TimedPoint {
-            scanner,
-            time_s: point.time_s,
-            position_m: place.place(point),
-        });
-        points.collect::<Vec<_>>()
-    });
-    placed.concat()
+        let points = sample.points.iter();
+        points
+            .filter_map(|(_, point)| keep(scanner, point, place.place(point)))
+            .collect()
+    })
 }
 
 /// The file name of a scanner's cloud.

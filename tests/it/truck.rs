@@ -6,8 +6,8 @@ use crate::common::truck::{KNOWN_DEG, project, project_with, truck};
 use boresight::calibration::Calibration;
 use boresight::cloud::NeighbourIndex;
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
+use boresight::joint::adjust;
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans};
-use boresight::joint::{Joint, adjust};
 use boresight::pipeline::clouds::Mounted;
 use boresight::pipeline::start::start;
 use boresight::pipeline::{Extras, Options, Rig, analyse, clouds, stages};
@@ -144,12 +144,10 @@ fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
 /// the given poses, and the adjustment stays within its own standard deviations of the known rotation.
 #[test]
 fn whatever_is_stated_of_the_poses_the_result_suits_them() {
-    for (position_m, rotation_deg) in [(0.01, 0.01), (0.1, 0.1)] {
+    for (position_m, angle_deg) in [(0.01, 0.01), (0.1, 0.1)] {
         let folder = tempfile::tempdir().unwrap();
-        let stated =
-            format!("sigma_position_m = {position_m}\nsigma_rotation_deg = {rotation_deg}");
-        let project = project_with(&stated, Vec3::zeros(), folder.path());
-        let mut project = project;
+        let stated = format!("sigma_position_m = {position_m}\nsigma_rotation_deg = {angle_deg}");
+        let mut project = project_with(&stated, Vec3::zeros(), folder.path());
         project.origin_m = Vec3::new(582_587.0, 4_107_994.0, 1_261.0);
         let options = Options {
             out: folder.path().join("out"),
@@ -162,20 +160,16 @@ fn whatever_is_stated_of_the_poses_the_result_suits_them() {
         let gaps_m = [&calibrations.result, two_steps]
             .map(|calibration| gap_m(&project, &calibration.mountings[0].body_from_scanner));
         let joint = calibrations.joint_found().expect("an adjustment");
-        let off_deg = rotation_deg_of(joint) - Vec3::from(KNOWN_DEG);
+        let off_deg = rotation_deg(&joint.poses()[0]) - Vec3::from(KNOWN_DEG);
         let sigma_deg = [3, 4, 5].map(|i| joint.covariance[(i, i)].sqrt().to_degrees());
         let errors = joint.drives[0].pose_errors.expect("poses from a file");
         println!(
-            "stated {position_m} m, {rotation_deg}°: gaps {gaps_m:?} m, joint off by {:?}° ± {sigma_deg:?}°, {errors:?}",
+            "stated {position_m} m, {angle_deg}°: gaps {gaps_m:?} m, joint off by {:?}° ± {sigma_deg:?}°, {errors:?}",
             off_deg.as_slice(),
         );
         assert!(gaps_m[0] <= gaps_m[1]);
         assert!((0..3).all(|axis| off_deg[axis].abs() < 3.0 * sigma_deg[axis]));
     }
-}
-
-fn rotation_deg_of(joint: &Joint) -> Vec3 {
-    rotation_deg(&joint.mountings[0].body_from_scanner)
 }
 
 /// With the fine scales alone, a start at zero ends in a local minimum of 1.71e-3. Coarse scales lead

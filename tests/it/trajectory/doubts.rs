@@ -2,23 +2,14 @@
 
 use std::time::Instant;
 
-use crate::common::consistency::{Logs, twin};
+use super::{drawn, tested};
+use crate::common::consistency::Logs;
 use boresight::geometry::Vec3;
-use boresight::progress::Silent;
-use boresight::simulation::{Drive, Scenario, Scene};
-use boresight::trajectory::{Doubt, Tested, estimate_tested};
+use boresight::simulation::Scenario;
+use boresight::trajectory::{Doubt, Tested};
 
 fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> Logs {
-    let mut scenario = Scenario::demo();
-    scenario.seed = seed;
-    change(&mut scenario);
-    let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
-    twin(&scenario, &drive, 0).0
-}
-
-fn tested(logs: &Logs) -> Tested {
-    let tested = estimate_tested(&logs.motion(), &logs.settings, true, &Silent);
-    tested.expect("tests of the constants")
+    drawn(seed, change).0
 }
 
 fn prism_late(logs: &mut Logs, late_s: f64) {

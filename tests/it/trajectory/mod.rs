@@ -15,13 +15,29 @@ mod rover;
 mod steps;
 mod units;
 
-use crate::common::consistency::{Logs, Truth, rms};
+use crate::common::consistency::{Logs, Truth, rms, twin};
 use boresight::geometry::{Rotation, Vec3};
-use boresight::trajectory::Trajectory;
+use boresight::progress::Silent;
+use boresight::simulation::{Drive, Scenario, Scene};
+use boresight::trajectory::{Tested, Trajectory, estimate_tested};
 use nalgebra::Quaternion;
 
 fn vec3(row: &[f64], first: usize) -> Vec3 {
     Vec3::new(row[first], row[first + 1], row[first + 2])
+}
+
+/// The logs of the demo's first drive with this seed and a change, and the true pose at each sample of the IMU.
+fn drawn(seed: u64, change: impl Fn(&mut Scenario)) -> (Logs, Vec<Truth>) {
+    let mut scenario = Scenario::demo();
+    scenario.seed = seed;
+    change(&mut scenario);
+    let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
+    twin(&scenario, &drive, 0)
+}
+
+fn tested(logs: &Logs) -> Tested {
+    let tested = estimate_tested(&logs.motion(), &logs.settings, true, &Silent);
+    tested.expect("an estimate")
 }
 
 /// Quaternion in the order w, x, y, z.

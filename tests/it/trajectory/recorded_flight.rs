@@ -1,17 +1,16 @@
 //! EuRoC V2_03: real inertial data, with positions and yaw decimated from a motion capture system.
 
-use super::{Logs, quantile, quaternion, rms, vec3};
+use super::{Logs, quantile, quaternion, rms, tested, vec3};
 use crate::common::consistency::error;
 use crate::common::external_data;
 use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::preflight;
-use boresight::progress::Silent;
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
+use boresight::trajectory::Estimate;
 use boresight::trajectory::{
     Constant, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
 };
-use boresight::trajectory::{Estimate, estimate_tested};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -343,8 +342,7 @@ fn the_noise_of_a_recorded_flight_with_half_its_samples_is_scaled_up_and_no_cons
     let mut logs = flight.logs.clone();
     logs.imu = logs.imu.iter().step_by(2).copied().collect();
     let plain = logs.estimate();
-    let tested =
-        estimate_tested(&logs.motion(), &logs.settings, true, &Silent).expect("an estimate");
+    let tested = tested(&logs);
     let [plain_mm, tested_mm] =
         [&plain, &tested.estimate].map(|estimate| errors_of(&flight, estimate, (0.0, 0.0)));
     println!(

@@ -1,23 +1,17 @@
 //! Positions that step and stay, found from the logs of simulated drives.
 
-use crate::common::consistency::{Logs, Truth, error, twin};
+use super::{drawn, tested};
+use crate::common::consistency::{Logs, Truth, error};
 use boresight::geometry::Vec3;
-use boresight::progress::Silent;
-use boresight::simulation::{Drive, Scenario, Scene};
-use boresight::trajectory::{Tested, estimate_tested};
+use boresight::simulation::Scenario;
+use boresight::trajectory::Tested;
 
 /// The logs of six passes, and the true pose at each sample of the IMU.
 fn drive(seed: u64, change: impl Fn(&mut Scenario)) -> (Logs, Vec<Truth>) {
-    let mut scenario = Scenario::demo();
-    scenario.seed = seed;
-    scenario.drives[0].passes.truncate(6);
-    change(&mut scenario);
-    let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
-    twin(&scenario, &drive, 0)
-}
-
-fn tested(logs: &Logs) -> Tested {
-    estimate_tested(&logs.motion(), &logs.settings, true, &Silent).expect("an estimate")
+    drawn(seed, |scenario| {
+        scenario.drives[0].passes.truncate(6);
+        change(scenario);
+    })
 }
 
 /// Moves the positions from one share of the drive to another.

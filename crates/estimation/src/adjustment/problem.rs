@@ -121,6 +121,14 @@ pub trait ChainProblem: Sync {
         })
     }
 
+    /// The undamped factor at `state`.
+    fn factor(&self, state: &Self::State) -> Result<ChainFactor, NotPositive> {
+        let columns = self.border_prior(state).weight.len();
+        let mut factor = ChainFactor::new(self.layout().clone(), columns);
+        self.factorise(state, 0.0, &mut factor)?;
+        Ok(factor)
+    }
+
     /// Levenberg-Marquardt from `state` in place. If it converges, `factor` is the undamped factor within
     /// 5 % of a standard deviation of the solution; otherwise `factor` is of no use.
     ///

@@ -3,20 +3,16 @@
 
 use super::bend::Bends;
 use super::components::{PROBES, sign};
-use super::motion::GaussMarkov;
+use super::motion::{GaussMarkov, MAX_FACTOR};
 use super::problem::JointProblem;
 use super::state::State;
 
-/// Largest factor on a standard deviation and on the correlation time in one estimate.
-const MAX_FACTOR: f64 = 4.0;
 /// Least standard deviation, radians and metres: a scanner cannot see smaller motions.
 const LEAST_SIGMA: f64 = 1e-5;
 /// Largest correlation between scanners: one thirtieth of the motion is then individual.
 const MOST_TOGETHER: f64 = 0.999;
 /// Largest exponent of a Newton step.
 const MAX_EXPONENT: f64 = 2.0;
-/// Fewest knots within a correlation time; fewer do not determine it.
-const LEAST_KNOTS: f64 = 2.0;
 /// Least redundancy for an estimate, in numbers of knots.
 const LEAST_REDUNDANCY: f64 = 10.0;
 
@@ -92,10 +88,7 @@ pub fn learn_from(
     }
     if let Some((a, elapsed_s)) = sums.correlation() {
         for process in bends.knots.iter_mut().flatten() {
-            let old_s = process.correlation_s[0];
-            let found_s = (-elapsed_s / a.ln()).clamp(old_s / MAX_FACTOR, old_s * MAX_FACTOR);
-            let most_s = process.span_s();
-            let found_s = found_s.max(LEAST_KNOTS * elapsed_s).min(most_s);
+            let found_s = process.correlation_time_s(0, a, elapsed_s);
             process.correlation_s.fill(found_s);
         }
     }
@@ -183,8 +176,7 @@ impl Sums {
     /// The correlation a from knot to knot, and the mean interval between knots, seconds.
     fn correlation(&self) -> Option<(f64, f64)> {
         let a = self.products / self.squares_before;
-        let within = a.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
-        (self.squares_before > 0.0).then(|| (within, self.elapsed_s / self.intervals))
+        (self.squares_before > 0.0).then(|| (a, self.elapsed_s / self.intervals))
     }
 }
 

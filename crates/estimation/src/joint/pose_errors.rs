@@ -8,7 +8,7 @@
 
 use nalgebra::DMatrix;
 
-use super::motion::GaussMarkov;
+use super::motion::{GaussMarkov, MAX_FACTOR};
 use super::problem::JointProblem;
 use super::result::PoseErrors;
 use super::state::State;
@@ -17,12 +17,8 @@ use super::state::State;
 const STATED_OBSERVATIONS: f64 = 2.0;
 /// A component is determined from this redundancy on: its σ is then known to 22 % (1/√(2r)).
 const LEAST_REDUNDANCY: f64 = 10.0;
-/// Largest factor on a standard deviation and on a correlation time in one estimate.
-const MAX_FACTOR: f64 = 4.0;
 /// Least standard deviation, radians and metres: a scanner cannot see smaller errors.
 const LEAST_SIGMA: f64 = 1e-6;
-/// Fewest knots within a correlation time; fewer do not determine it.
-const LEAST_KNOTS: f64 = 2.0;
 /// Number of components: δφ in the body, δp in the world.
 const COMPONENTS: usize = 6;
 
@@ -82,24 +78,17 @@ pub fn learn_from(
         return 0.0;
     };
     let interval_s = process.span_s() / (process.knot_s.len() - 1) as f64;
-    let (least_s, most_s) = (
-        LEAST_KNOTS * interval_s,
-        process.span_s().max(LEAST_KNOTS * interval_s),
-    );
-    let within = |factor: f64| factor.clamp(1.0 / MAX_FACTOR, MAX_FACTOR);
     let mut change = 0.0_f64;
     for (component, sums) in sums.iter().enumerate() {
         let stated = (stated_sigma[component] / process.sigma[component]).powi(2);
         let factor = (sums.squares + STATED_OBSERVATIONS * stated)
             / (sums.redundancy.max(0.0) + STATED_OBSERVATIONS);
-        let factor = within(factor.sqrt());
+        let factor = factor.sqrt().clamp(1.0 / MAX_FACTOR, MAX_FACTOR);
         let sigma = (process.sigma[component] * factor).max(LEAST_SIGMA);
         change = change.max((sigma / process.sigma[component]).ln().abs());
         process.sigma[component] = sigma;
-        let before_s = process.correlation_s[component];
-        let a = (sums.products / sums.squares_before).clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
-        let longer = within(-interval_s / a.ln() / before_s);
-        process.correlation_s[component] = (longer * before_s).clamp(least_s, most_s);
+        let a = sums.products / sums.squares_before;
+        process.correlation_s[component] = process.correlation_time_s(component, a, interval_s);
     }
     change
 }

@@ -9,7 +9,7 @@ use super::graph::Graph;
 use super::robust::weigh_cautiously;
 use super::states::State;
 use super::streams::{ClockCorrection, MotionLogs, Stream, Streams};
-use crate::adjustment::{ChainFactor, ChainProblem};
+use crate::adjustment::ChainProblem;
 use crate::sensor::Timed;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
@@ -54,8 +54,7 @@ pub fn find_jump(
         state.constants.add_jump(trace.late_from(streams));
     }
     graph.set_clocks(&state.constants);
-    let mut factor = ChainFactor::new(graph.layout().clone(), state.constants.count());
-    graph.factorise(&state, 0.0, &mut factor).ok()?;
+    let factor = graph.factor(&state).ok()?;
     let mut best: Option<(f64, ClockCorrection)> = None;
     for (trace, (late_s, sigma_s)) in traces.iter().zip(factor.each_alone(first)) {
         let significance = late_s.abs() / sigma_s;

@@ -6,7 +6,9 @@ use super::graph::Source;
 use super::interpolate::Trajectory;
 use super::recovery::Recovery;
 use super::settings::{Constant, TrajectorySettings};
-use super::solution::{ClockJump, EstimatedConstant, Rejection, RejectionReason, Solution};
+use super::solution::{
+    ClockJump, EstimatedConstant, NOISE_SCALE, Rejection, RejectionReason, Solution,
+};
 use super::streams::{Names, Stream};
 use crate::adjustment::{StepCovariance, StopReason, residual_information};
 use crate::error::Result;
@@ -180,7 +182,7 @@ impl Adjusted {
             let relative = information.map_or(f64::INFINITY, |square| (0.5 / square).sqrt());
             let determined = relative < DETERMINED_SHARE;
             constants.push(EstimatedConstant {
-                name: "imu.noise_scale".into(),
+                name: NOISE_SCALE.into(),
                 unit: String::new(),
                 start: 1.0,
                 value: if determined {

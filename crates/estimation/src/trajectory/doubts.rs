@@ -12,7 +12,7 @@ use super::solution::Solution;
 use super::steps::{PositionStep, SIGNIFICANT_SQUARE, find, steps_of, with_steps};
 use super::streams::MotionLogs;
 use super::trial::{misfit, rejected_squares, try_estimate};
-use crate::adjustment::{ChainFactor, ChainProblem};
+use crate::adjustment::ChainProblem;
 use crate::error::Result;
 use crate::progress::{Progress, Silent, Steps};
 use crate::statistics::median;
@@ -57,12 +57,14 @@ pub fn estimate_tested(
     progress: &dyn Progress,
 ) -> Result<Tested> {
     let plain = estimate(logs, settings, progress)?;
-    let by_constants = with_constants(logs, settings, plain.clone(), releases, progress)?;
+    let by_constants = with_constants(logs, settings, plain, releases, progress)?;
     // A wrong lever arm moves positions with each turn of the body, which looks like steps, until it is estimated.
     if find(&by_constants.estimate, settings).is_none() {
         return Ok(by_constants);
     }
-    let (stepped, with_steps) = with_steps(logs, settings, &plain, progress)?;
+    // Rare enough to estimate again what every other drive would have to keep a copy of.
+    let plain = estimate(logs, settings, &Silent)?;
+    let (stepped, with_steps) = with_steps(logs, settings, plain, progress)?;
     let by_steps = with_constants(logs, &with_steps, stepped, releases, progress)?;
     let [of_constants, of_steps] = [&by_constants, &by_steps].map(|t| misfit(&t.estimate.solution));
     let explained = SIGNIFICANT_SQUARE * by_steps.steps.len() as f64;
@@ -323,9 +325,7 @@ fn gain_of(
         state.constants.free(*constant, settings);
     }
     graph.set_clocks(&state.constants);
-    let mut factor = ChainFactor::new(graph.layout().clone(), state.constants.count());
-    graph.factorise(&state, 0.0, &mut factor).ok()?;
-    Some(factor.decrement())
+    Some(graph.factor(&state).ok()?.decrement())
 }
 
 /// The constants that are held, those with the largest mistakes first.

@@ -256,7 +256,7 @@ impl fmt::Display for Solution {
 /// deviations of the variance component.
 const NOISE_SIGMAS: f64 = 3.0;
 /// The estimated constant that is this factor.
-const NOISE_SCALE: &str = "imu.noise_scale";
+pub(super) const NOISE_SCALE: &str = "imu.noise_scale";
 
 impl Solution {
     /// The factor on the standard deviations of the IMU that its residuals ask for, if it is significant;

@@ -13,7 +13,7 @@ use super::states::State;
 use super::streams::MotionLogs;
 use super::trial::{misfit, try_estimate};
 use super::variance::imu_median_component;
-use crate::adjustment::{ChainFactor, ChainProblem};
+use crate::adjustment::ChainProblem;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -59,10 +59,10 @@ pub struct PositionStep {
 pub fn with_steps(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
-    plain: &Estimate,
+    plain: Estimate,
     progress: &dyn Progress,
 ) -> Result<(Estimate, TrajectorySettings)> {
-    let (mut found, mut settings) = (plain.clone(), settings.clone());
+    let (mut found, mut settings) = (plain, settings.clone());
     for _ in 0..MAX_STEPS {
         let Some(step) = find(&found, &settings) else {
             break;
@@ -128,8 +128,7 @@ pub fn find(estimate: &Estimate, settings: &TrajectorySettings) -> Option<Consta
             .constants
             .free(Constant::PositionStep { sensor, record }, settings);
     }
-    let mut factor = ChainFactor::new(graph.layout().clone(), state.constants.count());
-    graph.factorise(&state, 0.0, &mut factor).ok()?;
+    let factor = graph.factor(&state).ok()?;
     let alone = factor.each_alone(first);
     let found = places.into_iter().zip(alone.chunks_exact(3));
     let significant = found.filter_map(|((sensor, record), components)| {

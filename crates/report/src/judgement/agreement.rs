@@ -40,18 +40,10 @@ fn passes(agreements: &Agreements) -> Vec<Verdict> {
     let Some(last) = agreements.final_passes() else {
         return Vec::new();
     };
-    let median = |kind, on_given| {
-        let passes = agreements.passes_of(kind, on_given);
+    let aside = earlier(|kind| {
+        let passes = agreements.passes_of(kind, false);
         passes.map(|passes| number::length(passes.median_m))
-    };
-    let before = median(MountingKind::Initial, false).map(|m| format!("before: {m}"));
-    let two_steps = median(MountingKind::TwoStep, false).map(|m| format!("after two steps: {m}"));
-    let earlier: Vec<String> = before.into_iter().chain(two_steps).collect();
-    let aside = if earlier.is_empty() {
-        String::new()
-    } else {
-        format!(" ({})", earlier.join(", "))
-    };
+    });
     let text = format!(
         "Passes over the same ground lie {} apart in the median{aside}, noise and relief of the ground included.",
         number::length(last.median_m),
@@ -60,6 +52,18 @@ fn passes(agreements: &Agreements) -> Vec<Verdict> {
     std::iter::once(found)
         .chain(unsuitable_for_given_poses(agreements))
         .collect()
+}
+
+/// The values with earlier mountings, in brackets; empty without any.
+fn earlier(value: impl Fn(MountingKind) -> Option<String>) -> String {
+    let before = value(MountingKind::Initial).map(|value| format!("before: {value}"));
+    let two_steps = value(MountingKind::TwoStep).map(|value| format!("after two steps: {value}"));
+    let values: Vec<String> = before.into_iter().chain(two_steps).collect();
+    if values.is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", values.join(", "))
+    }
 }
 
 /// A mounting with which passes lie farther apart on the poses as they were given than with that of two steps.
@@ -93,14 +97,7 @@ fn calibration_pair(all: &Agreements, agreement: &Agreement, acceptance: &Accept
         let other = all.counterpart(agreement, kind);
         other.map(|other| number::length(other.statistics.rmse_m))
     };
-    let before = rmse(MountingKind::Initial).map(|rmse| format!("before: {rmse}"));
-    let two_steps = rmse(MountingKind::TwoStep).map(|rmse| format!("after two steps: {rmse}"));
-    let earlier: Vec<String> = before.into_iter().chain(two_steps).collect();
-    let aside = if earlier.is_empty() {
-        String::new()
-    } else {
-        format!(" ({})", earlier.join(", "))
-    };
+    let aside = earlier(rmse);
     let statistics = &agreement.statistics;
     let (severity, why) = severity_of(all, agreement, acceptance);
     let text = format!(

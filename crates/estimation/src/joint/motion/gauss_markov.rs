@@ -30,6 +30,11 @@ const LEAST_JUMP: f64 = 3e-4;
 /// of at most σ²/(3·KNOTS) at mid-interval.
 const KNOTS: f64 = 5.0;
 
+/// Largest factor on a standard deviation and on a correlation time in one estimate of them.
+pub const MAX_FACTOR: f64 = 4.0;
+/// Fewest knots within a correlation time; fewer do not determine it.
+const LEAST_KNOTS: f64 = 2.0;
+
 impl GaussMarkov {
     /// A process at rest over a span, with knots no farther apart than a share of the correlation time.
     pub fn new((from_s, to_s): (f64, f64), sigma: Vec<f64>, correlation_s: f64) -> Self {
@@ -59,6 +64,15 @@ impl GaussMarkov {
     /// intervals of h.
     pub fn left_out_share(&self, component: usize) -> f64 {
         self.span_s() / (self.knot_s.len() - 1) as f64 / (3.0 * self.correlation_s[component])
+    }
+
+    /// The correlation time of a component by an estimate a of its correlation from knot to knot, knots being `interval_s`
+    /// apart: −Δ/ln a, within [`MAX_FACTOR`] of the present one.
+    pub fn correlation_time_s(&self, component: usize, a: f64, interval_s: f64) -> f64 {
+        let a = a.clamp(f64::MIN_POSITIVE, 1.0 - f64::EPSILON);
+        let old_s = self.correlation_s[component];
+        let found_s = (-interval_s / a.ln()).clamp(old_s / MAX_FACTOR, old_s * MAX_FACTOR);
+        found_s.max(LEAST_KNOTS * interval_s).min(self.span_s())
     }
 
     /// Number of components.

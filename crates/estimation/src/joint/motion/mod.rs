@@ -8,7 +8,7 @@ mod knots;
 
 pub use chain::{ChainMotion, CorrelatedError};
 pub use corrections::CorrectedPoses;
-pub use gauss_markov::{GaussMarkov, rows_together};
+pub use gauss_markov::{GaussMarkov, MAX_FACTOR, rows_together};
 pub use knots::{AT_BRIDGE, BRIDGE, Knot, NodeGradient, StepPoses};
 
 use std::borrow::Cow;
