@@ -73,7 +73,7 @@ montecarlo SEEDS="10":
 joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
-# Runs SEEDS drives that are drawn at random, and compares the results with the truth
+# Runs SEEDS drives that are drawn at random and compares results with the truth; the figure of ranks is in out/random
 random SEEDS="20" FIRST="1":
     cargo run --release --features examples --example random -- {{SEEDS}} {{FIRST}}
 

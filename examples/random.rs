@@ -1,4 +1,4 @@
-//! Draws drives at random, runs each as a user would, and compares the results with the truth: the ranks of
+//! Draws drives at random, runs each as a user would, and compares the results with the truth: the figure of ranks in
 //! docs/joint.md.
 //!
 //! `cargo run --release --features examples --example random -- 20 1`
@@ -9,12 +9,21 @@ mod against_truth;
 mod moving;
 #[path = "../tests/common/random_drive.rs"]
 mod random_drive;
+#[path = "../tests/common/random_series.rs"]
+mod random_series;
+#[path = "../tests/common/ranks.rs"]
+mod ranks;
+
+use std::path::Path;
 
 use boresight::Result;
 use boresight::error::Error;
-use random_drive::{Ended, Way};
+use random_series::Series;
 
 const USAGE: &str = "random [SEEDS] [FIRST]";
+
+/// The results of the drives, and the figure.
+const FOLDER: &str = "out/random";
 
 fn main() -> Result<()> {
     let numbers = std::env::args().skip(1).map(|argument| {
@@ -24,21 +33,11 @@ fn main() -> Result<()> {
     let numbers = numbers.collect::<Result<Vec<u64>>>()?;
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(1);
-    let mut all = Vec::new();
-    for seed in first..first + seeds {
-        let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-        let ended = Ended::of_seed(seed, folder.path())?;
-        println!("{seed}: {}\n    {}", ended.drawn(), ended.line());
-        all.push(ended);
-    }
-    let count = |what: fn(&Ended) -> bool| all.iter().filter(|ended| what(ended)).count();
-    println!(
-        "{} drives: {} joint, {} two steps, {} stopped; {} quietly wrong",
-        all.len(),
-        count(|ended| matches!(ended.way, Way::Joint(_))),
-        count(|ended| matches!(ended.way, Way::TwoSteps(_))),
-        count(|ended| matches!(ended.way, Way::Stopped(_))),
-        count(Ended::is_quietly_wrong),
-    );
+    let folder = Path::new(FOLDER);
+    let series = Series::run(first..first + seeds, folder)?;
+    print!("{}", series.summary());
+    let file = folder.join("ranks.svg");
+    std::fs::write(&file, ranks::figure(&series.ranks())).map_err(|e| Error::io(&file, e))?;
+    println!("{}", file.display());
     Ok(())
 }

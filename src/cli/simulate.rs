@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::context::Context;
 use crate::error::{Error, Location, Result};
 use crate::pipeline::{self, Outcome};
-use crate::simulation::Scenario;
+use crate::simulation::{Extent, Scenario};
 
 /// Write simulated drives as sensor files, together with the truth
 #[derive(Debug, clap::Args)]
@@ -40,7 +40,7 @@ impl Simulate {
         }
         context.logged(&self.out, &[scenario], |options| {
             let scenario = match self.random {
-                Some(seed) => Scenario::random(seed),
+                Some(seed) => Scenario::random(seed, &Extent::FULL),
                 None => Scenario::load(&self.scenario)?,
             };
             pipeline::simulate(scenario, options, &context.terminal)

@@ -35,6 +35,7 @@ mod pages;
 mod placement;
 mod printing;
 mod protected;
+mod random;
 mod report;
 mod resume;
 mod run;

@@ -157,9 +157,9 @@ fn two_mistakes_at_once_do_not_give_wrong_values_without_a_warning() {
     assert!(quiet.is_empty(), "{quiet:?}");
 }
 
-/// Runs drives without a mistake, by seed with more or less noise, with and without a reference; returns those with
-/// false alarms.
-fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
+/// Runs drives without a mistake of at most so many passes, by seed with more or less noise, with and without a
+/// reference; returns those with false alarms.
+fn alarms(seeds: std::ops::Range<u64>, passes: usize) -> Vec<String> {
     let temp = tempfile::tempdir().unwrap();
     let mut alarms = Vec::new();
     for seed in seeds {
@@ -169,9 +169,8 @@ fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
             scenario.prism.sigma_m *= noise;
             scenario.heading.sigma_deg *= noise;
             scenario.reference.sigma_m *= noise;
-            if seed.is_multiple_of(5) {
-                scenario.drives[0].passes.truncate(5);
-            }
+            let passes = passes.min(if seed.is_multiple_of(5) { 5 } else { 6 });
+            scenario.drives[0].passes.truncate(passes);
         });
         // Without a reference, the warning that the common height is unobservable is not a false alarm.
         let has_reference = !seed.is_multiple_of(4);
@@ -194,7 +193,7 @@ fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
 
 #[test]
 fn a_clean_drive_raises_no_alarm() {
-    let alarms = alarms(1..2);
+    let alarms = alarms(1..2, 3);
     assert!(alarms.is_empty(), "{alarms:#?}");
 }
 
@@ -248,9 +247,9 @@ fn a_frame_that_bends_is_modelled_and_reported() {
 #[test]
 #[ignore = "just acceptance"]
 fn fifty_clean_drives_raise_at_most_two_alarms() {
-    let first = alarms(1..5);
+    let first = alarms(1..5, 6);
     assert!(first.is_empty(), "{first:#?}");
-    let others = alarms(5..51);
+    let others = alarms(5..51, 6);
     println!("{} alarms", others.len());
     assert!(others.len() <= 2, "{others:#?}");
 }

@@ -67,6 +67,9 @@ impl Scenario {
             ("imu.bias_time_s", imu.bias_time_s, POSITIVE),
             ("imu.gyro_bias_sigma_rad_s", imu.gyro_bias_sigma_rad_s, ANY),
             ("imu.accel_bias_sigma_m_s2", imu.accel_bias_sigma_m_s2, ANY),
+            ("imu.vibration_m_s2", imu.vibration_m_s2, (0.0, 100.0)),
+            // A slower vibration would move the robot by millimetres.
+            ("imu.vibration_hz", imu.vibration_hz, (10.0, 1e4)),
             ("prism.rate_hz", prism.rate_hz, RATE),
             ("prism.sigma_m", prism.sigma_m, ANY),
             ("prism.latency_s", prism.latency_s, LATENCY),

@@ -165,6 +165,8 @@ impl Default for ImuSettings {
             bias_time_s: 100.0,
             gyro_bias_sigma_rad_s: 1.0e-3,
             accel_bias_sigma_m_s2: 0.03,
+            vibration_m_s2: 0.0,
+            vibration_hz: 30.0,
             noise: true,
         }
     }
@@ -251,7 +253,7 @@ impl Default for ProjectSettings {
     fn default() -> Self {
         Self {
             voxel_sizes_m: vec![0.05, 0.04, 0.03, 0.02, 0.01, 0.005],
-            states_correlated: false,
+            states_errors: false,
             sigma_reference_m: 0.0,
         }
     }

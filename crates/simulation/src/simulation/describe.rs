@@ -84,8 +84,9 @@ fn project(scenario: &Scenario, index: usize) -> String {
         prism.sigma_m,
         list(&scenario.lever_arm_m(), 6),
     );
-    let stated = scenario.project.states_correlated;
+    let stated = scenario.project.states_errors;
     if stated {
+        text += &time_offset(prism.latency_s);
         text += &lasting(
             "sigma_correlated_m",
             prism.sigma_correlated_m,
@@ -98,6 +99,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
             heading.sigma_deg, heading.mounting_offset_deg
         );
         if stated {
+            text += &time_offset(heading.latency_s);
             text += &lasting(
                 "sigma_correlated_deg",
                 heading.sigma_correlated_deg,
@@ -209,6 +211,14 @@ fn latency(latency_s: f64) -> String {
         return String::new();
     }
     format!("latency_s = {latency_s:?}\n")
+}
+
+/// The key that corrects a latency; empty if there is none.
+fn time_offset(latency_s: f64) -> String {
+    if latency_s == 0.0 {
+        return String::new();
+    }
+    format!("time_offset_s = {:?}\n", -latency_s)
 }
 
 /// A table with these keys; empty if there are none.

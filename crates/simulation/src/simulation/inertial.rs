@@ -1,8 +1,11 @@
 //! Measurements of the IMU.
 
+use std::f64::consts::{SQRT_2, TAU};
+
 use super::drive::Drive;
 use super::random::{Purpose, normal3, stream};
 use super::scenario::Scenario;
+use super::sensors::ImuSettings;
 use crate::geometry::Vec3;
 use crate::sensor::{ImuBias, ImuSample, PoseRecord, STANDARD_GRAVITY_M_S2};
 
@@ -23,8 +26,34 @@ pub struct Inertial {
     pub truth: Vec<PoseRecord>,
 }
 
-/// Simulates the IMU: mean specific force and rate of each interval, plus a bias random walk, plus
-/// white noise of density n, whose mean over the interval has standard deviation n/√Δt.
+/// The mean of a vibration over each interval: √2 σ sin(2π f t + φ), with a phase for each axis.
+struct Vibration {
+    amplitude_m_s2: f64,
+    rate_rad_s: f64,
+    phases_rad: [f64; 3],
+}
+
+impl Vibration {
+    fn new(settings: &ImuSettings) -> Self {
+        Self {
+            amplitude_m_s2: SQRT_2 * settings.vibration_m_s2,
+            rate_rad_s: TAU * settings.vibration_hz,
+            phases_rad: [0.0, 1.0, 2.0].map(|axis| axis * TAU / 3.0),
+        }
+    }
+
+    fn mean_m_s2(&self, start_s: f64, duration_s: f64) -> Vec3 {
+        let turn_rad = self.rate_rad_s * duration_s;
+        let mean = |phase_rad: f64| {
+            let start_rad = self.rate_rad_s * start_s + phase_rad;
+            self.amplitude_m_s2 * (start_rad.cos() - (start_rad + turn_rad).cos()) / turn_rad
+        };
+        Vec3::from(self.phases_rad.map(mean))
+    }
+}
+
+/// Simulates the IMU: mean specific force and rate of each interval, plus a vibration, plus a
+/// bias random walk, plus white noise of density n, whose mean over the interval has standard deviation n/√Δt.
 pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> Inertial {
     let settings = &scenario.imu;
     let dt = 1.0 / settings.rate_hz;
@@ -43,6 +72,7 @@ pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> I
     let (start, end) = drive.span_s;
     let count = ((end - start) * settings.rate_hz).floor() as usize;
     let time = |k: usize| start + k as f64 * dt;
+    let vibration = Vibration::new(settings);
     let record = |k: usize, bias: ImuBias| {
         let state = drive.at(time(k));
         PoseRecord {
@@ -64,6 +94,7 @@ pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> I
             gyro += state.rate_rad_s * weight;
             accel += state.specific_force_m_s2(scenario.gravity_m_s2) * weight;
         }
+        accel += vibration.mean_m_s2(time(k), dt);
         result.truth.push(record(k, bias));
         result.samples.push(ImuSample {
             time_s: time(k),
@@ -109,6 +140,24 @@ mod tests {
         let tilt = rotation.angle_to(&last.rotation);
         println!("after 60 s: {:.3} mm, {:.2e} rad", error * 1e3, tilt);
         assert!(error < 5e-3 && tilt < 2e-6, "{error} m, {tilt} rad");
+    }
+
+    #[test]
+    fn a_vibration_is_averaged_over_each_interval() {
+        let mut scenario = Scenario::demo();
+        scenario.imu.noise = false;
+        let drive = Drive::new(&scenario, &Scene::new(&scenario), 0, 0.0);
+        let still = simulate_imu(&scenario, &drive, 0);
+        (scenario.imu.vibration_m_s2, scenario.imu.vibration_hz) = (0.5, 30.0);
+        let shaken = simulate_imu(&scenario, &drive, 0);
+        let pairs = shaken.samples.iter().zip(&still.samples);
+        let sum: f64 = pairs
+            .map(|(a, b)| (a.accel_m_s2 - b.accel_m_s2).norm_squared())
+            .sum();
+        let rms = (sum / (3.0 * still.samples.len() as f64)).sqrt();
+        // The mean of a sine over an interval: sin(π f Δt) / (π f Δt).
+        let x = std::f64::consts::PI * 0.3;
+        assert!((rms - 0.5 * x.sin() / x).abs() < 1e-3, "{rms}");
     }
 
     #[test]

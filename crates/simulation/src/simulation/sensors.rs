@@ -22,6 +22,11 @@ pub struct ImuSettings {
     pub gyro_bias_sigma_rad_s: f64,
     /// Standard deviation of each axis's initial bias, m/s².
     pub accel_bias_sigma_m_s2: f64,
+    /// Specific force of a vibration of each axis, r.m.s., m/s²; zero for none. The motion itself, some micrometres, is
+    /// left out.
+    pub vibration_m_s2: f64,
+    /// Frequency of the vibration, hertz.
+    pub vibration_hz: f64,
     /// False for an ideal IMU.
     pub noise: bool,
 }
@@ -186,8 +191,8 @@ pub struct ReferenceSettings {
 pub struct ProjectSettings {
     /// Voxel sizes of the calibration, metres; empty for those that the calibration chooses itself.
     pub voxel_sizes_m: Vec<f64>,
-    /// Whether the time-correlated errors of prism and heading are stated.
-    pub states_correlated: bool,
+    /// Whether the time-correlated errors and the latencies of prism and heading are stated.
+    pub states_errors: bool,
     /// Standard deviation of a shift of the reference, which then has no tilt, metres; not stated if zero.
     pub sigma_reference_m: f64,
 }

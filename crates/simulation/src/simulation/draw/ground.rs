@@ -4,12 +4,7 @@ use super::super::field::{BoardSettings, DriveSettings, Field, Pass};
 use super::super::scenario::Scenario;
 use super::super::sensors::ScannerKind;
 use super::draws::Draws;
-
-/// Rays of all scanners on a drive, at most: a run takes about a minute.
-const MOST_RAYS: f64 = 4e6;
-
-/// Duration of a drive on its passes and turns, seconds.
-const DURATION_S: (f64, f64) = (60.0, 900.0);
+use super::extent::Extent;
 
 /// Cells of the soil, at most.
 const MOST_CELLS: f64 = 1e7;
@@ -103,12 +98,12 @@ fn boards(
 
 /// Draws the passes: strips back and forth, lines in all directions, one loop again and again, or over the boards. The
 /// width of the profiles falls with the duration, so that there are not too many points.
-pub(super) fn route(draws: &mut Draws, scenario: &mut Scenario) {
+pub(super) fn route(draws: &mut Draws, extent: &Extent, scenario: &mut Scenario) {
     let [east_m, north_m] = scenario.field.size_m;
     let motion = &scenario.motion;
     let turn_s = 7.0 * motion.turn_radius_m / motion.transit_speed_m_s;
     let pass_s = east_m / motion.scan_speed_m_s + turn_s;
-    let duration_s = draws.log_uniform(DURATION_S);
+    let duration_s = draws.log_uniform(extent.duration_s);
     let count = ((duration_s / pass_s) as usize).clamp(3, 24);
     let line = |from_m: [f64; 2], to_m: [f64; 2]| Pass::Line { from_m, to_m };
     let kind = draws.uniform((0.0, 1.0));
@@ -159,6 +154,6 @@ pub(super) fn route(draws: &mut Draws, scenario: &mut Scenario) {
     scenario.drives = vec![DriveSettings { passes }];
     let fans = scenario.scanners_of(ScannerKind::Profile).len().max(1) as f64;
     let rays = count as f64 * pass_s * scenario.profiles.rate_hz * fans;
-    let widest = (MOST_RAYS / rays) as usize;
+    let widest = (extent.most_rays / rays) as usize;
     scenario.profiles.width = scenario.profiles.width.min(widest).max(30);
 }

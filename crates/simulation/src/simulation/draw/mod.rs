@@ -1,9 +1,12 @@
 //! Scenarios drawn at random: what users may bring, far from the demo.
 
 mod draws;
+mod extent;
 mod ground;
 mod robot;
 mod sensors;
+
+pub use extent::Extent;
 
 use draws::Draws;
 
@@ -27,7 +30,7 @@ enum Part {
 impl Scenario {
     /// A scenario with one drive whose ground, robot, sensors, route and faults of the frame are drawn with this seed.
     /// What the project states about the noise is what it was drawn from.
-    pub fn random(seed: u64) -> Self {
+    pub fn random(seed: u64, extent: &Extent) -> Self {
         let draws = |part: Part| Draws::new(stream(seed, Purpose::Scenario, part as u64, 0));
         let mut scenario = Self {
             name: format!("random-{seed}"),
@@ -38,7 +41,7 @@ impl Scenario {
         let standoff_m = robot::body(&mut draws(Part::Robot), &mut scenario);
         robot::scanners(&mut draws(Part::Scanners), standoff_m, &mut scenario);
         ground::ground(&mut draws(Part::Ground), standoff_m, &mut scenario);
-        ground::route(&mut draws(Part::Route), &mut scenario);
+        ground::route(&mut draws(Part::Route), extent, &mut scenario);
         sensors::imu(&mut draws(Part::Imu), &mut scenario);
         sensors::positions(&mut draws(Part::Positions), &mut scenario);
         sensors::heading(&mut draws(Part::Heading), &mut scenario);
@@ -58,23 +61,27 @@ mod tests {
     #[test]
     fn every_drawn_scenario_can_be_simulated() {
         for seed in 0..SEEDS {
-            let scenario = Scenario::random(seed);
-            scenario
-                .check()
-                .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
-            let text = toml::to_string(&scenario).unwrap();
-            assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
+            for extent in [Extent::FULL, Extent::TINY] {
+                let scenario = Scenario::random(seed, &extent);
+                scenario
+                    .check()
+                    .unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+                let text = toml::to_string(&scenario).unwrap();
+                assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
+            }
         }
     }
 
     #[test]
     fn the_draws_cover_what_users_bring() {
-        let all: Vec<Scenario> = (0..SEEDS).map(Scenario::random).collect();
+        let all: Vec<Scenario> = (0..SEEDS)
+            .map(|seed| Scenario::random(seed, &Extent::FULL))
+            .collect();
         let share = |what: fn(&Scenario) -> bool| {
             all.iter().filter(|scenario| what(scenario)).count() as f64 / SEEDS as f64
         };
         type Kind = (&'static str, fn(&Scenario) -> bool);
-        let kinds: [Kind; 11] = [
+        let kinds: [Kind; 14] = [
             ("no boards", |s| s.boards.is_empty()),
             ("plants", |s| s.plants.count_per_m2 > 0.0),
             ("clods", |s| s.soil.clod_height_m > 0.0),
@@ -85,6 +92,9 @@ mod tests {
             ("gaps", |s| !s.prism.lost_s.is_empty()),
             ("lasting errors", |s| s.prism.sigma_correlated_m > 0.0),
             ("frame not rigid", |s| s.deformation.enabled),
+            ("vibration", |s| s.imu.vibration_m_s2 > 0.0),
+            ("late positions", |s| s.prism.latency_s > 0.0),
+            ("turns on the spot", |s| s.motion.turn_radius_m < 0.2),
             ("fast", |s| s.motion.scan_speed_m_s > 1.0),
         ];
         for (name, what) in kinds {

@@ -14,6 +14,9 @@ const SPEED_M_S: (f64, f64) = (0.05, 5.0);
 /// Lateral acceleration in turns, at most, m/s².
 const LATERAL_M_S2: f64 = 1.5;
 
+/// Rate of turn, at most, rad/s.
+const TURN_RAD_S: f64 = 1.0;
+
 /// Standard deviations of the initial mountings: a tape measure and a drawing, metres and degrees.
 const INITIAL_SIGMAS: (f64, f64) = (0.02, 1.5);
 
@@ -29,7 +32,12 @@ pub(super) fn body(draws: &mut Draws, scenario: &mut Scenario) -> f64 {
     motion.scan_speed_m_s = (motion.transit_speed_m_s * draws.uniform((0.4, 1.0))).max(SPEED_M_S.0);
     motion.rest_s = draws.log_uniform((2.0, 30.0));
     let tightest_m = motion.transit_speed_m_s.powi(2) / LATERAL_M_S2;
-    motion.turn_radius_m = draws.log_uniform((0.3, 3.0)).max(tightest_m);
+    let slowest_m = motion.transit_speed_m_s / TURN_RAD_S;
+    // Down to turns on the spot.
+    motion.turn_radius_m = draws
+        .log_uniform((0.05, 3.0))
+        .max(tightest_m)
+        .max(slowest_m);
     motion.wheelbase_track_m = [0, 1].map(|_| motion.imu_height_m * draws.uniform((0.6, 1.2)));
     motion.wheel_wavelength_m = draws.uniform((0.15, 0.6));
     motion.suspension_hz = draws.uniform((0.8, 4.0));

@@ -14,6 +14,10 @@ pub(super) fn imu(draws: &mut Draws, scenario: &mut Scenario) {
     imu.accel_bias_instability_ug = imu.accel_noise_ug_sqrt_hz * draws.log_uniform((0.1, 1.0));
     imu.gyro_bias_sigma_rad_s = draws.log_uniform((1e-5, 3e-3));
     imu.accel_bias_sigma_m_s2 = draws.log_uniform((1e-3, 5e-2));
+    if draws.chance(0.3) {
+        imu.vibration_m_s2 = draws.log_uniform((0.01, 0.5));
+        imu.vibration_hz = draws.uniform((15.0, 120.0));
+    }
 }
 
 /// Draws the positions: a prism, or an antenna whose errors last. Lasting errors are stated in the project.
@@ -41,7 +45,17 @@ pub(super) fn positions(draws: &mut Draws, scenario: &mut Scenario) {
             from = to;
         }
     }
-    scenario.project.states_correlated = true;
+    scenario.project.states_errors = true;
+    prism.latency_s = latency(draws);
+}
+
+/// Draws a delay of time stamps, which the project states.
+fn latency(draws: &mut Draws) -> f64 {
+    if draws.chance(0.3) {
+        draws.log_uniform((0.002, 0.1))
+    } else {
+        0.0
+    }
 }
 
 /// Draws the headings, if there are any.
@@ -54,6 +68,7 @@ pub(super) fn heading(draws: &mut Draws, scenario: &mut Scenario) {
         heading.sigma_correlated_deg = draws.log_uniform((0.05, 0.5));
         heading.correlation_s = draws.log_uniform((10.0, 100.0));
     }
+    heading.latency_s = latency(draws);
 }
 
 /// Draws the reference, if there is one, and its shift, of which the project states the standard deviation.

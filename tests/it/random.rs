@@ -1,0 +1,42 @@
+//! Drives that are drawn at random, far from the demo.
+
+use std::path::Path;
+
+use crate::common::random_drive::Ended;
+use crate::common::random_series::Series;
+use crate::common::ranks::{LEVEL, probability};
+use boresight::simulation::Extent;
+
+/// A share of drives that may have a false alarm.
+const ALARMS: f64 = 0.02;
+
+/// Seeds of tiny drives whose runs take seconds.
+const TINY: [u64; 3] = [1, 4, 7];
+
+#[test]
+fn tiny_drives_are_right_or_say_that_they_are_not() {
+    for seed in TINY {
+        let folder = tempfile::tempdir().unwrap();
+        let ended = Ended::of_seed(seed, &Extent::TINY, folder.path()).unwrap();
+        println!("{seed}: {}\n    {}", ended.drawn, ended.line());
+        assert!(!ended.is_quietly_wrong(), "{seed}: {}", ended.line());
+        assert!(ended.false_alarms.is_empty(), "{seed}: {}", ended.line());
+    }
+}
+
+#[test]
+#[ignore = "hours: simulation-based calibration over 200 drives, which continues where it was interrupted"]
+fn random_drives_agree_with_the_stated_distributions() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/random");
+    let series = Series::run(1..201, &folder).unwrap();
+    println!("{}", series.summary());
+    assert_eq!(series.count(Ended::is_quietly_wrong), 0);
+    let alarms = series.count(|ended| !ended.false_alarms.is_empty());
+    assert!(
+        alarms as f64 <= ALARMS * series.0.len() as f64,
+        "{alarms} false alarms"
+    );
+    for of in series.ranks() {
+        assert!(probability(&of.ranks) > LEVEL, "ranks of {}", of.quantity);
+    }
+}
