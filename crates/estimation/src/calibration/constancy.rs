@@ -1,7 +1,7 @@
 //! Test of a constant mounting, from the pattern of the residuals along the drive.
 //!
 //! In every block of time, the mean signed distance of a scanner's points to the reference is
-//! compared with its standard deviation due to pose errors. The residuals of a rigid mounting agree
+//! compared with its standard deviation, due to pose errors and to the scatter of its points. The residuals of a rigid mounting agree
 //! with it; a mounting that bends with roll, pitch or acceleration causes far larger ones.
 
 use std::collections::BTreeMap;
@@ -39,7 +39,8 @@ pub struct Block {
     pub time_s: f64,
     /// Mean signed distance to the reference, positive above it, metres.
     pub mean_m: f64,
-    /// Standard deviation of this mean due to pose errors, metres.
+    /// Standard deviation of this mean, metres: √(σ² + s² / n), with σ of the pose errors that all points share, and s of
+    /// the n points about their mean, from their noise and the roughness of the ground.
     pub expected_sigma_m: f64,
 }
 
@@ -127,7 +128,18 @@ struct Residual {
 struct Sums {
     n: usize,
     distance_m: f64,
+    square_m2: f64,
     variance_m2: f64,
+}
+
+impl Sums {
+    /// The mean distance and its standard deviation, metres.
+    fn mean_m(&self) -> (f64, f64) {
+        let n = self.n as f64;
+        let mean_m = self.distance_m / n;
+        let scatter_m2 = (self.square_m2 / n - mean_m * mean_m).max(0.0) / (n - 1.0);
+        (mean_m, (self.variance_m2 / n + scatter_m2).sqrt())
+    }
 }
 
 impl Constancy {
@@ -145,12 +157,16 @@ impl Constancy {
             let sum = sums[residual.scanner].entry(block).or_default();
             sum.n += 1;
             sum.distance_m += residual.distance_m;
+            sum.square_m2 += residual.distance_m * residual.distance_m;
             sum.variance_m2 += residual.variance_m2;
         }
-        let block = |(&index, sum): (&u64, &Sums)| Block {
-            time_s: start_s + (index as f64 + 0.5) * BLOCK_S,
-            mean_m: sum.distance_m / sum.n as f64,
-            expected_sigma_m: (sum.variance_m2 / sum.n as f64).sqrt(),
+        let block = |(&index, sum): (&u64, &Sums)| {
+            let (mean_m, expected_sigma_m) = sum.mean_m();
+            Block {
+                time_s: start_s + (index as f64 + 0.5) * BLOCK_S,
+                mean_m,
+                expected_sigma_m,
+            }
         };
         let blocks: Vec<Vec<Block>> = sums
             .iter()
@@ -282,6 +298,21 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_standard_deviation_of_a_block_is_that_of_poses_and_scatter() {
+        let mut sums = Sums::default();
+        for i in 0..100 {
+            let distance_m = 0.001 + if i % 2 == 0 { 0.01 } else { -0.01 };
+            sums.n += 1;
+            sums.distance_m += distance_m;
+            sums.square_m2 += distance_m * distance_m;
+            sums.variance_m2 += 4e-6;
+        }
+        let (mean_m, sigma_m) = sums.mean_m();
+        assert!((mean_m - 0.001).abs() < 1e-12);
+        assert!((sigma_m - (4e-6 + 1e-4_f64 / 99.0).sqrt()).abs() < 1e-12);
+    }
 
     #[test]
     fn a_jump_is_found_where_it_is() {

@@ -2,6 +2,7 @@
 
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::geometry::Rotation;
 use crate::statistics::{median, quantile};
 use crate::surface::ProfilePoint;
 use crate::verdict::Verdict;
@@ -16,7 +17,8 @@ const DIRECTION: f64 = 0.02;
 const MIN_POINTS: usize = 50;
 /// A part of the robot always has the same range: the middle half of the ranges spreads by less, metres.
 const SAME_M: f64 = 0.004;
-/// The ground does not: in a typical direction the middle half of the ranges spreads by more, metres.
+/// The ground does not: in a typical direction the middle half of the heights below the scanner spreads by more,
+/// metres. Ranges to level ground spread too, where rays are oblique and the robot tilts.
 const VARYING_M: f64 = 0.02;
 /// Smallest share of points that is worth mentioning.
 const LEAST_SHARE: f64 = 0.02;
@@ -43,7 +45,7 @@ pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
             );
             Verdict::care("scanner.upward", text).with_value(rising, None)
         });
-        let robot = share_on_robot(sample).map(|share| {
+        let robot = share_on_robot(sample, &rotation).map(|share| {
             let text = format!(
                 "{:.0} % of the points of scanner `{name}` have the same range all along the drive, unlike those \
                  on the ground: it sees the robot. Leave these points out of the profiles.",
@@ -68,27 +70,39 @@ fn share(sample: &ScannerSample, holds: impl Fn(&ProfilePoint) -> bool) -> f64 {
     examined(sample).filter(|point| holds(point)).count() as f64 / all.max(1) as f64
 }
 
-/// The share of points in directions in which the range stays the same, if it varies in a typical
-/// direction.
-fn share_on_robot(sample: &ScannerSample) -> Option<f64> {
-    let mut ranges: VoxelMap<VoxelKey, Vec<f64>> = VoxelMap::default();
+/// The share of points in directions in which the range stays the same, if the height of the points varies in a typical
+/// direction; given the rotation of the scanner on the body.
+fn share_on_robot(sample: &ScannerSample, body_from_scanner: &Rotation) -> Option<f64> {
+    let mut directions: VoxelMap<VoxelKey, [Vec<f64>; 2]> = VoxelMap::default();
     for point in examined(sample) {
         let range_m = point.position_m.norm();
         let key = voxel_key(&(point.position_m / range_m), DIRECTION);
-        ranges.entry(key).or_default().push(range_m);
+        let body = sample.profiles[point.profile as usize].world_from_body;
+        let ray_m = body.rotation * (body_from_scanner * point.position_m);
+        let [ranges_m, heights_m] = directions.entry(key).or_default();
+        ranges_m.push(range_m);
+        heights_m.push(ray_m.z);
     }
-    let full = ranges.into_values().filter(|all| all.len() >= MIN_POINTS);
-    let spreads = full.map(|mut all| {
-        all.sort_unstable_by(f64::total_cmp);
-        (quantile(&all, 0.75) - quantile(&all, 0.25), all.len())
-    });
-    let spreads: Vec<(f64, usize)> = spreads.collect();
+    let full = directions.into_values();
+    let full = full.filter(|[ranges_m, _]| ranges_m.len() >= MIN_POINTS);
+    let spreads: Vec<([f64; 2], usize)> = full
+        .map(|values| {
+            let count = values[0].len();
+            (values.map(middle_half_m), count)
+        })
+        .collect();
     let all: usize = spreads.iter().map(|(_, count)| count).sum();
-    let same = spreads.iter().filter(|(spread_m, _)| *spread_m < SAME_M);
+    let same = spreads.iter().filter(|([range_m, _], _)| *range_m < SAME_M);
     let same: usize = same.map(|(_, count)| count).sum();
     let share = same as f64 / all.max(1) as f64;
-    let typical_m = median(spreads.iter().map(|(spread_m, _)| *spread_m))?;
+    let typical_m = median(spreads.iter().map(|([_, height_m], _)| *height_m))?;
     (share > LEAST_SHARE && typical_m > VARYING_M).then_some(share)
+}
+
+/// The extent of the middle half of values.
+fn middle_half_m(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    quantile(&values, 0.75) - quantile(&values, 0.25)
 }
 
 #[cfg(test)]
@@ -136,5 +150,36 @@ mod tests {
         assert!(codes(down, 0).is_empty());
         assert_eq!(codes(Vec3::zeros(), 0), ["scanner.upward"]);
         assert_eq!(codes(down, 3), ["scanner.robot"]);
+    }
+
+    #[test]
+    fn a_level_floor_is_not_the_robot() {
+        // Where the robot tilts, the ranges of oblique rays vary by decimetres and those of vertical ones hardly.
+        let mut sample = ScannerSample::default();
+        for index in 0..100_u32 {
+            let tilt_rad = 0.03 * (0.4 * f64::from(index)).sin();
+            sample.profiles.push(Profile {
+                time_s: f64::from(index),
+                world_from_body: WorldFromBody::new(
+                    so3::exp(&(Vec3::x() * tilt_rad)),
+                    Vec3::new(0.1 * f64::from(index), 0.0, 1.0),
+                ),
+            });
+            for ray in 0..50 {
+                let angle = 0.05 * f64::from(ray) - 1.25;
+                let range_m = 1.0 / (angle + tilt_rad).cos();
+                sample.points.push(ProfilePoint {
+                    profile: index,
+                    position_m: Vec3::new(0.0, angle.sin(), -angle.cos()) * range_m,
+                    count: 1,
+                });
+            }
+        }
+        let same = |spread_m: f64| spread_m < SAME_M;
+        let ranges = |ray: usize| sample.points.iter().skip(ray).step_by(50);
+        let spread_m = |ray| middle_half_m(ranges(ray).map(|p| p.position_m.norm()).collect());
+        assert!(same(spread_m(25)) && spread_m(0) > VARYING_M);
+        let level = Rotation::identity();
+        assert_eq!(share_on_robot(&sample, &level), None);
     }
 }
