@@ -42,4 +42,5 @@ else
     "${pip[@]}" install "$BORESIGHT_WHEEL[test]" || without "the packages of the tests cannot be had"
     echo "$(basename "$BORESIGHT_WHEEL"), $(($(stat -c %s "$BORESIGHT_WHEEL") / 1000)) kB"
 fi
-"$python" -m pytest -p no:cacheprovider "${chosen[@]}" python
+# The tests of a file share what they simulate.
+"$python" -m pytest -p no:cacheprovider --numprocesses "$(nproc)" --dist loadfile "${chosen[@]}" python

@@ -60,7 +60,7 @@ def field(tmp_path_factory) -> Path:
 def drive(tmp_path_factory) -> boresight.Simulation:
     """The smallest simulated drive that there is, with coarse scales and without the joint adjustment."""
     out = tmp_path_factory.mktemp("drive")
-    simulated = boresight.simulate("plain", out / "simulated", progress=None)
+    simulated = boresight.simulate(DATA / "tiny_scenario.toml", out / "simulated", progress=None)
     project = simulated.projects[0]
     text, changed = re.subn(
         r"^voxel_sizes_m = .*$", 'method = "two-step"\nvoxel_sizes_m = [0.05, 0.03]', project.read_text(), flags=re.M
