@@ -39,7 +39,7 @@ pub fn reason_for_two_steps(
 }
 
 /// The points of samples on their poses with these mountings.
-fn placed(samples: &[ScannerSample], mountings: &[BodyFromScanner]) -> Vec<TimedPoint> {
+pub(super) fn placed(samples: &[ScannerSample], mountings: &[BodyFromScanner]) -> Vec<TimedPoint> {
     let scanners = samples.iter().zip(mountings).enumerate();
     let points = scanners.flat_map(|(scanner, (sample, mounting))| {
         sample.points.iter().map(move |point| {

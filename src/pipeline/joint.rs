@@ -5,42 +5,27 @@ use std::time::Instant;
 use nalgebra::DMatrix;
 
 use super::given_poses::reason_for_two_steps;
+use super::held_out;
+pub use super::joint_input::Drive;
+use super::joint_input::{input, surfel_m};
 use super::rig::{PASS_CELL_VOXELS, Rig};
-use super::stages::{self, EstimatedPoses};
+use super::stages;
 use crate::adjustment::StopReason;
-use crate::calibration::{Calibration, ScannerSample};
+use crate::calibration::Calibration;
 use crate::error::{Error, Problem, Result};
-use crate::format;
 use crate::geometry::Vec3;
-use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{
-    ChainMotion, Compliance, ContradictedLogs, CorrectedPoses, CorrelatedError, Joint, JointDrive,
-    JointInput, JointReport, LateScanner, Rung, Scans, Score, adjust, contradictions,
+    Compliance, ContradictedLogs, Joint, JointInput, JointReport, LateScanner, Rung, Score, adjust,
+    contradictions,
 };
 use crate::judgement;
 use crate::progress::Progress;
-use crate::project::{FrameLogFile, Logs, Motion, Project};
-use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
-use crate::trajectory::Solution;
+use crate::project::{Motion, Project};
 
 /// A scanner is late if the scans show a latency of more than this many standard deviations and of more than
 /// `LEAST_LATENCY_S`, seconds.
 const LATE_SIGMAS: f64 = 5.0;
 const LEAST_LATENCY_S: f64 = 0.002;
-
-/// A drive before the adjustment.
-pub struct Drive<'a> {
-    /// Name of the drive in the results.
-    pub name: &'a str,
-    /// Its project.
-    pub project: &'a Project,
-    /// Its scanners.
-    pub rig: &'a Rig,
-    /// Its poses, from logs or a file.
-    pub poses: &'a EstimatedPoses,
-    /// A sample of each scanner's points.
-    pub samples: &'a [ScannerSample],
-}
 
 /// Adjusts the calibration drive together with those of `[[drive]]`, starting from the calibration in two steps. If the
 /// adjustment is impossible or contradicted by sensors, the report says why; this is not an error.
@@ -95,56 +80,69 @@ pub fn report(
     let drives = [input(calibration_drive)]
         .into_iter()
         .chain(others.map(|drive| input(&drive)));
-    let mut fits_alone = false;
-    let adjusted = drives.collect::<Result<Vec<_>>>().and_then(|drives| {
-        let mut input = JointInput {
-            mountings: two_steps.mountings.clone(),
-            initial: &calibration_drive.rig.mountings,
-            known: None,
-            compliance: &[],
-            estimate_latency: latencies(project),
-            drives,
-            reference,
-        };
-        let adjusted = with_late_scanners(&mut input, calibration_drive, progress);
-        let is_doubtful = match &adjusted {
-            Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
-            Err(error) => !matches!(error, Error::Cancelled),
-        };
-        if !reference.is_empty() && is_doubtful {
-            fits_alone = fits_without_reference(input, calibration_drive, progress)?;
+    let drives = match drives.collect::<Result<Vec<_>>>() {
+        Ok(drives) => drives,
+        Err(error) => {
+            return Ok(JointReport {
+                refused: vec![reason(error)?],
+                contradicted,
+                seconds: begun.elapsed().as_secs_f64(),
+                ..JointReport::default()
+            });
         }
-        adjusted
-    });
-    if let Ok((joint, _)) = &adjusted {
-        show(calibration_drive, joint, reference, progress);
-    }
-    let (joint, late, mut refused) = match adjusted {
-        Ok((joint, late)) => {
-            let mut refused = contradictions(&joint);
-            if matches!(project.motion, Motion::Poses(_)) {
-                let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
-                let samples = calibration_drive.samples;
-                refused.extend(reason_for_two_steps(samples, cell_m, two_steps, &joint));
-            }
-            (Some(joint), late, refused)
-        }
-        Err(error) => (None, Vec::new(), vec![reason(error)?]),
     };
+    let mut input = JointInput {
+        mountings: two_steps.mountings.clone(),
+        initial: &calibration_drive.rig.mountings,
+        known: None,
+        compliance: &[],
+        estimate_latency: latencies(project),
+        drives,
+        reference,
+    };
+    let adjusted = with_late_scanners(&mut input, calibration_drive, progress);
+    let is_doubtful = match &adjusted {
+        Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
+        Err(error) => !matches!(error, Error::Cancelled),
+    };
+    let fits_alone = !reference.is_empty()
+        && is_doubtful
+        && fits_without_reference(&mut input, calibration_drive, progress)?;
+    let mut report = match adjusted {
+        Ok((joint, late)) => {
+            show(calibration_drive, &joint, reference, progress);
+            JointReport {
+                refused: contradictions(&joint),
+                result: Some(joint),
+                late,
+                ..JointReport::default()
+            }
+        }
+        Err(error) => JointReport {
+            refused: vec![reason(error)?],
+            ..JointReport::default()
+        },
+    };
+    (report.fits_alone, report.contradicted) = (fits_alone, contradicted);
     if fits_alone {
-        refused.insert(
-            0,
-            "the drive is consistent without the reference, but not with it".into(),
-        );
+        let reason = "the drive is consistent without the reference, but not with it";
+        report.refused.insert(0, reason.into());
     }
-    Ok(JointReport {
-        result: joint,
-        refused,
-        fits_alone,
-        contradicted,
-        late,
-        seconds: begun.elapsed().as_secs_f64(),
-    })
+    if let Some(joint) = &mut report.result {
+        if matches!(project.motion, Motion::Poses(_)) {
+            let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
+            let samples = calibration_drive.samples;
+            let reason = reason_for_two_steps(samples, cell_m, two_steps, joint);
+            report.refused.extend(reason);
+        } else if joint.stop == StopReason::Converged && !report.refused.is_empty() && !fits_alone {
+            let drive = calibration_drive;
+            report.held_out = held_out::compare(drive, two_steps, joint, input, progress)?;
+            let better = report.held_out.filter(|held_out| held_out.joint_is_better);
+            better.inspect(|held_out| joint.scale_sigmas(held_out.misfit));
+        }
+    }
+    report.seconds = begun.elapsed().as_secs_f64();
+    Ok(report)
 }
 
 /// Whether an adjustment did not converge, or is contradicted.
@@ -164,15 +162,17 @@ fn moves_with_reference(joint: &Joint) -> bool {
 /// # Errors
 /// [`Error::Cancelled`].
 fn fits_without_reference(
-    mut input: JointInput<'_>,
+    input: &mut JointInput<'_>,
     calibration_drive: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<bool> {
     progress.say("testing whether the drive is consistent without the reference");
-    input.reference = &[];
+    let reference = std::mem::take(&mut input.reference);
     let mut settings = calibration_drive.project.joint.clone();
     settings.mounting.most = settings.mounting.least;
-    match adjust(&input, &settings, surfel_m(calibration_drive), progress) {
+    let adjusted = adjust(input, &settings, surfel_m(calibration_drive), progress);
+    input.reference = reference;
+    match adjusted {
         Ok(joint) => Ok(!is_doubtful(&joint)),
         Err(Error::Cancelled) => Err(Error::Cancelled),
         Err(_) => Ok(false),
@@ -319,84 +319,9 @@ pub fn reason(error: Error) -> Result<String> {
     }
 }
 
-fn surfel_m(drive: &Drive<'_>) -> f64 {
-    drive.project.joint.surfel_size_m(drive.rig.finest_m())
-}
-
 fn latencies(project: &Project) -> Vec<bool> {
     let scanners = project.scanners.iter();
     scanners
         .map(|scanner| scanner.estimate_time_offset)
         .collect()
-}
-
-fn input<'a>(drive: &Drive<'a>) -> Result<JointDrive<'a>> {
-    let EstimatedPoses { poses, covariance } = drive.poses;
-    let motion: Box<dyn JointMotion> = match (covariance, &drive.project.motion) {
-        (Some(covariance), Motion::Logs(logs)) => {
-            let names = logs.settings.positions.iter().map(|p| p.name.clone());
-            let chain = ChainMotion::new(covariance, names.collect(), &correlated(logs));
-            let scale = poses
-                .solution
-                .as_ref()
-                .map_or(1.0, Solution::imu_noise_factor);
-            Box::new(chain.with_noise_scaled(scale))
-        }
-        _ => {
-            let correlation_s = drive.project.joint.correlation_s;
-            let motion = CorrectedPoses::new(&poses.trajectory, correlation_s);
-            Box::new(motion.ok_or_else(|| {
-                Error::of(
-                    Problem::TooFew,
-                    "the poses have no standard deviations, which limit how far they may be corrected",
-                    "give sigma_position_m and sigma_rotation_deg in [trajectory]",
-                )
-            })?)
-        }
-    };
-    Ok(JointDrive {
-        name: drive.name.into(),
-        motion,
-        scans: Scans {
-            samples: drive.samples.iter().collect(),
-        },
-        frame: frame_log(drive)?,
-    })
-}
-
-/// The log of the quantities that the mountings of a drive may follow, in common time.
-fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
-    let Some(FrameLogFile { log, columns }) = &drive.project.bending else {
-        return Ok(None);
-    };
-    let mut read = format::read_frame_log(&log.path, columns)?;
-    read.rows
-        .iter_mut()
-        .for_each(|(time_s, _)| *time_s += log.time_offset_s);
-    let span_s = |rows: &[(f64, [f64; MAX_FRAME_COLUMNS])]| Some((rows.first()?.0, rows.last()?.0));
-    if let Some(span_s) = span_s(&read.rows) {
-        check_overlap(
-            ("bending", span_s),
-            ("trajectory", drive.poses.trajectory().span_s()),
-        )?;
-    }
-    Ok(Some(read))
-}
-
-/// The correlated errors of position sensors and heading.
-fn correlated(logs: &Logs) -> Vec<Option<CorrelatedError>> {
-    let error = |sigma: Vec<f64>, correlation_s| {
-        sigma.iter().any(|s| *s > 0.0).then_some(CorrelatedError {
-            sigma,
-            correlation_s,
-        })
-    };
-    let positions = logs.settings.positions.iter();
-    let positions = positions.map(|p| {
-        let sigma = p.sigma_correlated_m.iter().copied().collect();
-        error(sigma, p.correlation_s)
-    });
-    let heading = &logs.settings.heading;
-    let heading = error(vec![heading.sigma_correlated_rad], heading.correlation_s);
-    positions.chain([heading]).collect()
 }

@@ -178,15 +178,27 @@ pub fn calibrated(result: &Calibration) -> Value {
 
 /// `calibration.joint`: course and tests of the joint adjustment, and the reasons if it was refused.
 fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
-    let refused = (!report.refused.is_empty()).then(|| report.refused.join("; "));
-    let mut value = json!({ "refused": refused, "seconds": report.seconds });
+    let against = (!report.refused.is_empty()).then(|| report.refused.join("; "));
+    let (refused, contradicted) = match report.accepted() {
+        Some(_) => (None, against),
+        None => (against, None),
+    };
+    let mut value = json!({
+        "refused": refused,
+        "contradicted": contradicted,
+        "held_out": report.held_out,
+        "seconds": report.seconds,
+    });
     let Some(joint) = &report.result else {
         value["decided"] = Value::Null;
         value["reason"] = json!(refused);
         return value;
     };
     value["decided"] = json!(refused.is_none().then_some(joint.rung));
-    value["reason"] = json!(refused.as_deref().unwrap_or("no sensor contradicts it"));
+    let predicts = contradicted
+        .map(|_| "it predicts scans that neither method had seen better than two steps");
+    let reason = refused.as_deref().or(predicts);
+    value["reason"] = json!(reason.unwrap_or("no sensor contradicts it"));
     value["ladder"] = json!(joint.ladder);
     if refused.is_some() {
         value["scanners"] = json!(joint.calibration(result).scanners());

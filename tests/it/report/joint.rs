@@ -167,12 +167,9 @@ fn accepted() -> Full {
     full.drives[0].solution = Some(solution(2_100, 7.0, 1_500));
     full.variants.insert(0, (Variant::TwoStep, two_steps));
     full.joint = Some(JointReport {
-        fits_alone: false,
-        contradicted: Vec::new(),
-        late: Vec::new(),
         result: Some(joint),
-        refused: Vec::new(),
         seconds: 6.1,
+        ..JointReport::default()
     });
     full
 }
@@ -186,12 +183,10 @@ fn refused() -> Full {
     let near = full.variants[1].1.clone();
     let joint = joint_result(&full, &near, 8.5, 3.4);
     full.joint = Some(JointReport {
-        fits_alone: false,
-        contradicted: Vec::new(),
-        late: Vec::new(),
         result: Some(joint),
         refused: vec![REASON.into()],
         seconds: 6.1,
+        ..JointReport::default()
     });
     full
 }
@@ -389,6 +384,8 @@ fn the_document_contains_the_joint_adjustment() {
         ("seconds", json!(6.1)),
         ("decided", json!("rigid")),
         ("refused", json!(null)),
+        ("contradicted", json!(null)),
+        ("held_out", json!(null)),
     ] {
         assert_eq!(joint[key], value, "{key}");
     }
@@ -433,12 +430,10 @@ fn the_document_gives_the_reason_of_a_refusal() {
 
     let mut not_made = full(50);
     not_made.joint = Some(JointReport {
-        fits_alone: false,
-        contradicted: Vec::new(),
-        late: Vec::new(),
         result: None,
         refused: vec!["only 12 patches of the surface are known".into()],
         seconds: 0.2,
+        ..JointReport::default()
     });
     let page = render(&not_made.content());
     assert!(first_verdict(&page).contains("only 12 patches of the surface"));

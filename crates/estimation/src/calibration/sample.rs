@@ -33,6 +33,15 @@ pub struct ScannerSample {
 }
 
 impl ScannerSample {
+    /// The points of the profiles at certain times (seconds), with all profiles.
+    pub fn within(&self, is_within: impl Fn(f64) -> bool) -> Self {
+        let mut part = self.clone();
+        let is_kept =
+            |point: &ProfilePoint| is_within(self.profiles[point.profile as usize].time_s);
+        part.points.retain(is_kept);
+        part
+    }
+
     /// Thins `points_m` (scanner frame, metres), measured at `times_s` (seconds on the trajectory's
     /// clock, in time order), on the finest grid of `settings`.
     ///

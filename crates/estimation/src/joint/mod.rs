@@ -38,12 +38,13 @@ mod tests;
 pub use bend::{BENDING_STEP_S, COMPLIANCE, Compliance, Rung, loads};
 pub use input::{JointDrive, JointInput, Scans};
 pub use ladder::adjust;
-pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio};
+pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio, misfit};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};
 pub use result::{
-    AdjustedDrive, Climb, ContradictedLogs, GroupTest, Joint, JointReport, Jump, KnownPoint,
-    LateScanner, MovedMounting, PoseErrors, PoseMove, ReferenceError, SurfelPlane, known_m,
+    AdjustedDrive, Climb, ContradictedLogs, GroupTest, HeldOut, Joint, JointReport, Jump,
+    KnownPoint, LateScanner, MovedMounting, PoseErrors, PoseMove, ReferenceError, SurfelPlane,
+    known_m,
 };
 pub use score::Score;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};

@@ -121,6 +121,24 @@ fn with_imu(problem: &JointProblem<'_>) -> impl Iterator<Item = (usize, String)>
         .map(|(index, (drive, _))| (index, of_drive(&drive.name, drives.len())))
 }
 
+/// The factor by which residuals exceed their noise: the largest of √(Ω/r) of the IMUs and of the means of positions over
+/// blocks, which is the standard deviation of what the model misses; at least 1.
+pub fn misfit(joint: &Joint) -> f64 {
+    let imus = joint.drives.iter();
+    let imus = imus.filter_map(|drive| {
+        joint
+            .groups
+            .iter()
+            .find(|group| group.name == drive.imu)?
+            .ratio
+    });
+    let blocks = joint.drives.iter().flat_map(|drive| &drive.positions);
+    let blocks =
+        blocks.filter(|blocks| blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS);
+    let blocks = blocks.flat_map(|blocks| blocks.rms);
+    imus.map(f64::sqrt).chain(blocks).fold(1.0, f64::max)
+}
+
 /// The contradictions to the model, gravest first.
 pub fn contradictions(joint: &Joint) -> Vec<String> {
     let mut texts = Vec::new();

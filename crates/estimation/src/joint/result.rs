@@ -247,8 +247,11 @@ pub struct PoseMove {
 pub struct JointReport {
     /// The result; `None` if the adjustment failed.
     pub result: Option<Joint>,
-    /// Reasons why its values are not those of the run, gravest first; empty if they are.
+    /// What speaks against it, gravest first. Then its values are those of the run only if it predicts scans better
+    /// than two steps do.
     pub refused: Vec<String>,
+    /// The comparison with two steps on scans that neither had seen, if a sensor contradicts the adjustment.
+    pub held_out: Option<HeldOut>,
     /// Whether the adjustment is contradicted or fails with the reference, and no sensor contradicts the one without it.
     pub fits_alone: bool,
     /// Contradictions in the logs of the other drives.
@@ -257,6 +260,20 @@ pub struct JointReport {
     pub late: Vec<LateScanner>,
     /// Run time, seconds.
     pub seconds: f64,
+}
+
+/// How far passes over the same ground, or passes and the reference, lie apart in scans that two methods had not seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// Root mean square after two steps, metres.
+    pub two_steps_m: f64,
+    /// Root mean square after the joint adjustment, metres.
+    pub joint_m: f64,
+    /// Whether the joint adjustment predicts them better, beyond chance.
+    pub joint_is_better: bool,
+    /// The factor by which residuals exceed their noise; the standard deviations of a joint adjustment that predicts
+    /// better are multiplied by it.
+    pub misfit: f64,
 }
 
 /// Contradictions in the logs of a drive.
@@ -300,7 +317,11 @@ impl LateScanner {
 impl JointReport {
     /// The adjustment whose values are reported.
     pub fn accepted(&self) -> Option<&Joint> {
-        self.result.as_ref().filter(|_| self.refused.is_empty())
+        let predicts_better = self
+            .held_out
+            .is_some_and(|held_out| held_out.joint_is_better);
+        let is_accepted = self.refused.is_empty() || predicts_better;
+        self.result.as_ref().filter(|_| is_accepted)
     }
 }
 
@@ -356,6 +377,13 @@ impl Joint {
             },
             ..two_steps.clone()
         }
+    }
+
+    /// Multiplies the standard deviations of mountings and points by a factor.
+    pub fn scale_sigmas(&mut self, factor: f64) {
+        self.covariance *= factor * factor;
+        let points = self.drives.iter_mut().flat_map(|drive| &mut drive.points);
+        points.flatten().for_each(|point| point.sigma_m *= factor);
     }
 
     /// Height of the reference above the world of the poses, if it is significant and larger than the prior

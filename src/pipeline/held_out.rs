@@ -1,0 +1,138 @@
+//! Which of two results predicts scans better that neither has seen: a joint adjustment that a sensor contradicts, or
+//! two steps.
+
+use super::given_poses::placed;
+use super::joint_input::{Drive, surfel_m};
+use super::rig::PASS_CELL_VOXELS;
+use super::stages;
+use crate::calibration::{Calibration, CalibrationSettings, ScannerSample};
+use crate::comparison::{PassCells, TimedPoint};
+use crate::error::{Error, Result};
+use crate::geometry::Vec3;
+use crate::joint::{HeldOut, Joint, JointInput, adjust, misfit};
+use crate::progress::Progress;
+
+/// Blocks of the drive, of which every second is held out, seconds.
+const BLOCK_S: f64 = 10.0;
+
+/// Repeats both calibrations, in two steps and the joint one that is contradicted, with every second block of the drive's scans, and places the others with each: how far
+/// passes, or passes and the reference, then lie apart. `None` if the rest of the scans is too little for one of them,
+/// or no ground was seen twice.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub fn compare(
+    drive: &Drive<'_>,
+    two_steps: &Calibration,
+    contradicted: &Joint,
+    input: JointInput<'_>,
+    progress: &dyn Progress,
+) -> Result<Option<HeldOut>> {
+    progress.say("comparing both results on scans that neither has seen");
+    let begin_s = drive.poses.trajectory().span_s().0;
+    let is_held_out = |time_s: f64| ((time_s - begin_s) / BLOCK_S) as i64 % 2 == 1;
+    let [seen, held_out] = [false, true].map(|held_out| {
+        let samples = drive.samples.iter();
+        let part = |sample: &ScannerSample| sample.within(|time_s| is_held_out(time_s) == held_out);
+        samples.map(part).collect::<Vec<_>>()
+    });
+    let finest_m = drive.rig.finest_m();
+    let settings = CalibrationSettings {
+        voxel_sizes_m: vec![finest_m],
+        ..drive.rig.settings(drive.project)
+    };
+    let (begin, poses, reference) = (&two_steps.mountings, drive.poses, input.reference);
+    let by_two_steps = stages::calibration(
+        drive.project,
+        begin,
+        &settings,
+        poses,
+        &seen,
+        reference,
+        progress,
+    );
+    let mut input = input;
+    input.drives[0].scans.samples = seen.iter().collect();
+    let joint = adjust(&input, &drive.project.joint, surfel_m(drive), progress);
+    let (Some(by_two_steps), Some(joint)) =
+        (unless_cancelled(by_two_steps)?, unless_cancelled(joint)?)
+    else {
+        return Ok(None);
+    };
+    let scanners = drive.samples.len();
+    let [by_two_steps, by_joint] = [
+        placed(&held_out, &by_two_steps.poses()),
+        placed_jointly(&held_out, &joint),
+    ]
+    .map(|mut points| {
+        points.extend(before_all_passes(reference, scanners, begin_s));
+        points
+    });
+    let cells = PassCells::new(&by_two_steps, PASS_CELL_VOXELS * finest_m);
+    let distances = [&by_two_steps, &by_joint].map(|points| cells.distances(points));
+    let [Some(of_two_steps), Some(of_joint)] = distances else {
+        return Ok(None);
+    };
+    Ok(Some(HeldOut {
+        two_steps_m: of_two_steps.rms_m,
+        joint_m: of_joint.rms_m,
+        joint_is_better: of_two_steps.is_worse_than(&of_joint) == Some(true),
+        misfit: misfit(contradicted),
+    }))
+}
+
+/// The result of a calibration, if it has one.
+fn unless_cancelled<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Ok(result) => Ok(Some(result)),
+        Err(Error::Cancelled) => Err(Error::Cancelled),
+        Err(_) => Ok(None),
+    }
+}
+
+/// The points of samples on the adjusted poses with the adjusted mountings.
+fn placed_jointly(samples: &[ScannerSample], joint: &Joint) -> Vec<TimedPoint> {
+    let (drive, mountings) = (&joint.drives[0], joint.poses());
+    let scanners = samples.iter().zip(&mountings).enumerate();
+    let points = scanners.flat_map(|(scanner, (sample, mounting))| {
+        let late_s = joint.late_s[scanner].map_or(0.0, |(late_s, _)| late_s);
+        let bending = drive.bending.get(scanner);
+        let profiles = sample.profiles.iter().map(move |profile| {
+            let time_s = profile.time_s - late_s;
+            let body = drive.trajectory.pose_at(time_s)?;
+            let moved = bending.map_or(*mounting, |moved| moved.offsets.apply(mounting, time_s));
+            Some((body, moved))
+        });
+        let profiles: Vec<_> = profiles.collect();
+        sample.points.iter().map(move |point| {
+            let number = point.profile as usize;
+            let pose = &profiles[number];
+            TimedPoint {
+                scanner,
+                time_s: sample.profiles[number].time_s,
+                position_m: pose
+                    .as_ref()
+                    .map(|(body, mounting)| body.map(&mounting.map(&point.position_m))),
+            }
+        })
+    });
+    points.collect()
+}
+
+/// The reference as a pass of each scanner before the drive: the longest time between two points of a cell then
+/// separates it from all passes.
+fn before_all_passes(
+    reference: &[Vec3],
+    scanners: usize,
+    begin_s: f64,
+) -> impl Iterator<Item = TimedPoint> {
+    /// Longer than any drive.
+    const BEFORE_S: f64 = 1e9;
+    (0..scanners).flat_map(move |scanner| {
+        reference.iter().map(move |point| TimedPoint {
+            scanner,
+            time_s: begin_s - BEFORE_S,
+            position_m: Some(*point),
+        })
+    })
+}
