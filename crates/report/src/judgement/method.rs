@@ -80,7 +80,7 @@ fn contradicted(reasons: &[String], held_out: &HeldOut) -> Verdict {
 fn not_better(held_out: HeldOut) -> Verdict {
     let text = format!(
         "Scans that neither method had seen lie {} apart with two steps and {} with the refused joint adjustment (root \
-         mean square): it does not predict them better.",
+         mean square): it does not predict them better beyond chance.",
         number::length(held_out.two_steps_m),
         number::length(held_out.joint_m),
     );
