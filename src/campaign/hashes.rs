@@ -8,7 +8,7 @@ use std::time::SystemTime;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::output::write_whole;
 use crate::pipeline::{hash_of, size};
 use crate::progress::Progress;
@@ -67,18 +67,15 @@ pub fn hashes(
         if let Some(known) = unchanged(file, properties) {
             return Ok(Some(((*file).clone(), known.clone())));
         }
-        match hash_of(&root.join(file), &|bytes| stage.advance(bytes)) {
-            Ok(hash) => Ok(Some((
-                (*file).clone(),
-                Known {
-                    bytes: properties.0,
-                    changed_ns: properties.1,
-                    hash: format!("{hash:032x}"),
-                },
-            ))),
-            Err(Error::Cancelled) => Err(Error::Cancelled),
-            Err(_) => Ok(None),
-        }
+        let hash = unless_cancelled(hash_of(&root.join(file), &|bytes| stage.advance(bytes)))?;
+        Ok(hash.map(|hash| {
+            let known = Known {
+                bytes: properties.0,
+                changed_ns: properties.1,
+                hash: format!("{hash:032x}"),
+            };
+            ((*file).clone(), known)
+        }))
     });
     let known: BTreeMap<String, Known> = known
         .collect::<Result<Vec<_>>>()?

@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::placed::on_given_poses;
 use crate::calibration::{Calibration, ScannerSample};
-use crate::comparison::{PassCells, TimedPoint};
+use crate::comparison::PassCells;
 use crate::geometry::BodyFromScanner;
 use crate::joint::Joint;
 use crate::number;
@@ -24,7 +25,7 @@ pub fn reason_for_two_steps(
     if contradicts(joint, two_steps) {
         return None;
     }
-    let placed = |mountings: &[BodyFromScanner]| placed(samples, mountings);
+    let placed = |mountings: &[BodyFromScanner]| on_given_poses(samples, mountings);
     let [by_two_steps, by_joint] = [placed(&two_steps.poses()), placed(&joint.poses())];
     let cells = PassCells::new(&by_two_steps, cell_m);
     let (of_two_steps, of_joint) = (cells.distances(&by_two_steps)?, cells.distances(&by_joint)?);
@@ -36,23 +37,6 @@ pub fn reason_for_two_steps(
             number::length(of_two_steps.rms_m),
         )
     })
-}
-
-/// The points of samples on their poses with these mountings.
-pub(super) fn placed(samples: &[ScannerSample], mountings: &[BodyFromScanner]) -> Vec<TimedPoint> {
-    let scanners = samples.iter().zip(mountings).enumerate();
-    let points = scanners.flat_map(|(scanner, (sample, mounting))| {
-        sample.points.iter().map(move |point| {
-            let profile = &sample.profiles[point.profile as usize];
-            let in_body = mounting.map(&point.position_m);
-            TimedPoint {
-                scanner,
-                time_s: profile.time_s,
-                position_m: Some(profile.world_from_body.map(&in_body)),
-            }
-        })
-    });
-    points.collect()
 }
 
 /// Whether the mountings of two steps lie farther from those of the adjustment than its covariance C explains: dᵀ C⁻¹ d

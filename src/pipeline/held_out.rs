@@ -1,13 +1,13 @@
 //! Which of two results predicts scans better that neither has seen: a joint adjustment that a sensor contradicts, or
 //! two steps.
 
-use super::given_poses::placed;
 use super::joint_input::{Drive, surfel_m};
+use super::placed::{on_adjusted_poses, on_given_poses};
 use super::rig::PASS_CELL_VOXELS;
 use super::stages;
 use crate::calibration::{Calibration, CalibrationSettings, ScannerSample};
 use crate::comparison::{PassCells, TimedPoint};
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{HeldOut, Joint, JointInput, adjust, misfit};
 use crate::progress::Progress;
@@ -51,18 +51,19 @@ pub fn compare(
         reference,
         progress,
     );
+    let Some(by_two_steps) = unless_cancelled(by_two_steps)? else {
+        return Ok(None);
+    };
     let mut input = input;
     input.drives[0].scans.samples = seen.iter().collect();
     let joint = adjust(&input, &drive.project.joint, surfel_m(drive), progress);
-    let (Some(by_two_steps), Some(joint)) =
-        (unless_cancelled(by_two_steps)?, unless_cancelled(joint)?)
-    else {
+    let Some(joint) = unless_cancelled(joint)? else {
         return Ok(None);
     };
     let scanners = drive.samples.len();
     let [by_two_steps, by_joint] = [
-        placed(&held_out, &by_two_steps.poses()),
-        placed_jointly(&held_out, &joint),
+        on_given_poses(&held_out, &by_two_steps.poses()),
+        on_adjusted_poses(&held_out, &joint),
     ]
     .map(|mut points| {
         points.extend(before_all_passes(reference, scanners, begin_s));
@@ -79,44 +80,6 @@ pub fn compare(
         joint_is_better: of_two_steps.is_worse_than(&of_joint) == Some(true),
         misfit: misfit(contradicted),
     }))
-}
-
-/// The result of a calibration, if it has one.
-fn unless_cancelled<T>(result: Result<T>) -> Result<Option<T>> {
-    match result {
-        Ok(result) => Ok(Some(result)),
-        Err(Error::Cancelled) => Err(Error::Cancelled),
-        Err(_) => Ok(None),
-    }
-}
-
-/// The points of samples on the adjusted poses with the adjusted mountings.
-fn placed_jointly(samples: &[ScannerSample], joint: &Joint) -> Vec<TimedPoint> {
-    let (drive, mountings) = (&joint.drives[0], joint.poses());
-    let scanners = samples.iter().zip(&mountings).enumerate();
-    let points = scanners.flat_map(|(scanner, (sample, mounting))| {
-        let late_s = joint.late_s[scanner].map_or(0.0, |(late_s, _)| late_s);
-        let bending = drive.bending.get(scanner);
-        let profiles = sample.profiles.iter().map(move |profile| {
-            let time_s = profile.time_s - late_s;
-            let body = drive.trajectory.pose_at(time_s)?;
-            let moved = bending.map_or(*mounting, |moved| moved.offsets.apply(mounting, time_s));
-            Some((body, moved))
-        });
-        let profiles: Vec<_> = profiles.collect();
-        sample.points.iter().map(move |point| {
-            let number = point.profile as usize;
-            let pose = &profiles[number];
-            TimedPoint {
-                scanner,
-                time_s: sample.profiles[number].time_s,
-                position_m: pose
-                    .as_ref()
-                    .map(|(body, mounting)| body.map(&mounting.map(&point.position_m))),
-            }
-        })
-    });
-    points.collect()
 }
 
 /// The reference as a pass of each scanner before the drive: the longest time between two points of a cell then

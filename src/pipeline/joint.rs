@@ -8,11 +8,12 @@ use super::given_poses::reason_for_two_steps;
 use super::held_out;
 pub use super::joint_input::Drive;
 use super::joint_input::{input, surfel_m};
+use super::placed;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages;
 use crate::adjustment::StopReason;
 use crate::calibration::Calibration;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{
     Compliance, ContradictedLogs, Joint, JointInput, JointReport, LateScanner, Rung, Score, adjust,
@@ -128,7 +129,7 @@ pub fn report(
         let reason = "the drive is consistent without the reference, but not with it";
         report.refused.insert(0, reason.into());
     }
-    if let Some(joint) = &mut report.result {
+    if let Some(joint) = &report.result {
         if matches!(project.motion, Motion::Poses(_)) {
             let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
             let samples = calibration_drive.samples;
@@ -137,9 +138,10 @@ pub fn report(
         } else if joint.stop == StopReason::Converged && !report.refused.is_empty() && !fits_alone {
             let drive = calibration_drive;
             report.held_out = held_out::compare(drive, two_steps, joint, input, progress)?;
-            let better = report.held_out.filter(|held_out| held_out.joint_is_better);
-            better.inspect(|held_out| joint.scale_sigmas(held_out.misfit));
         }
+    }
+    if let (Some(better), Some(joint)) = (report.predicts_better(), &mut report.result) {
+        joint.scale_sigmas(better.misfit);
     }
     report.seconds = begun.elapsed().as_secs_f64();
     Ok(report)
@@ -172,18 +174,11 @@ fn fits_without_reference(
     settings.mounting.most = settings.mounting.least;
     let adjusted = adjust(input, &settings, surfel_m(calibration_drive), progress);
     input.reference = reference;
-    match adjusted {
-        Ok(joint) => Ok(!is_doubtful(&joint)),
-        Err(Error::Cancelled) => Err(Error::Cancelled),
-        Err(_) => Ok(false),
-    }
+    Ok(unless_cancelled(adjusted)?.is_some_and(|joint| !is_doubtful(&joint)))
 }
 
 /// Shows the clouds of the calibration drive, placed with the result of the adjustment, and the reference.
 fn show(calibration_drive: &Drive<'_>, joint: &Joint, reference: &[Vec3], progress: &dyn Progress) {
-    let (Some(drive), mountings) = (joint.drives.first(), joint.poses()) else {
-        return;
-    };
     let names = calibration_drive
         .project
         .scanners
@@ -195,28 +190,10 @@ fn show(calibration_drive: &Drive<'_>, joint: &Joint, reference: &[Vec3], progre
     progress.clouds("joint adjustment", &names, &|each| {
         reference
             .iter()
-            .for_each(|point| each(mountings.len(), (*point).into()));
-        for (cloud, sample) in calibration_drive.samples.iter().enumerate() {
-            let late_s = joint
-                .late_s
-                .get(cloud)
-                .copied()
-                .flatten()
-                .map_or(0.0, |(late_s, _)| late_s);
-            let poses = sample.profiles.iter().map(|profile| {
-                let time_s = profile.time_s - late_s;
-                let body = drive.trajectory.pose_at(time_s)?;
-                let mounting = match drive.bending.get(cloud) {
-                    Some(moved) => moved.offsets.apply(&mountings[cloud], time_s),
-                    None => mountings[cloud],
-                };
-                Some((body, mounting))
-            });
-            let poses: Vec<_> = poses.collect();
-            for point in &sample.points {
-                if let Some((body, mounting)) = &poses[point.profile as usize] {
-                    each(cloud, body.map(&mounting.map(&point.position_m)).into());
-                }
+            .for_each(|point| each(joint.mountings.len(), (*point).into()));
+        for point in placed::on_adjusted_poses(calibration_drive.samples, joint) {
+            if let Some(position_m) = point.position_m {
+                each(point.scanner, position_m.into());
             }
         }
     });
@@ -243,11 +220,10 @@ fn with_late_scanners(
     }
     let estimated = input.estimate_latency.iter_mut().zip(&late);
     estimated.for_each(|(estimate, late)| *estimate |= late);
-    let joint = match adjust(input, settings, surfel_m, progress) {
-        Ok(freed) => freed,
-        Err(Error::Cancelled) => return Err(Error::Cancelled),
+    let freed = unless_cancelled(adjust(input, settings, surfel_m, progress))?;
+    let Some(joint) = freed else {
         // The adjustment succeeds only with latencies held.
-        Err(_) => return Ok((joint, Vec::new())),
+        return Ok((joint, Vec::new()));
     };
     let scanners = calibration_drive
         .project

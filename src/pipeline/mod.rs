@@ -30,6 +30,7 @@ pub mod online;
 mod outcome;
 pub mod overlap;
 mod page;
+mod placed;
 mod placement;
 mod poses;
 mod program;

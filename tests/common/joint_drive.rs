@@ -119,11 +119,8 @@ impl Run {
         if let Some((span_s, even)) = setup.keep {
             let start_s = poses.trajectory().span_s().0;
             for sample in &mut samples {
-                let profiles = &sample.profiles;
-                sample.points.retain(|point| {
-                    let after_s = profiles[point.profile as usize].time_s - start_s;
-                    ((after_s / span_s) as i64 % 2 == 0) == even
-                });
+                let is_kept = |time_s: f64| (((time_s - start_s) / span_s) as i64 % 2 == 0) == even;
+                *sample = sample.within(is_kept);
             }
         }
         let drive = Drive {

@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 use std::time::Instant;
 
 use crate::common::joint_drive::bend;
+use crate::common::random_drive::WRONG_SIGMAS;
 use crate::common::small_field::Field;
 use crate::common::{files, write_files};
 use boresight::geometry::BodyFromScanner;
@@ -15,9 +16,6 @@ use boresight::joint::Rung;
 use boresight::statistics::rms;
 use list::{MISTAKES, Mistake, PAIRS};
 use rayon::prelude::*;
-
-/// Errors beyond this many standard deviations are not due to chance.
-const WRONG_SIGMAS: f64 = 4.0;
 
 /// The end of a run.
 struct Ended {

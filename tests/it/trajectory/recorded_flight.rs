@@ -7,9 +7,8 @@ use boresight::geometry::heading::heading_rad;
 use boresight::geometry::{BodyAxes, Rotation, Vec3};
 use boresight::preflight;
 use boresight::sensor::{HeadingFix, ImuSample, PositionFix};
-use boresight::trajectory::Estimate;
 use boresight::trajectory::{
-    Constant, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
+    Constant, Estimate, HeadingSettings, ImuNoise, Nodes, PositionSettings, TrajectorySettings,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,8 +1,8 @@
 //! Test of a constant mounting, from the pattern of the residuals along the drive.
 //!
-//! In every block of time, the mean signed distance of a scanner's points to the reference is
-//! compared with its standard deviation, due to pose errors and to the scatter of its points. The residuals of a rigid mounting agree
-//! with it; a mounting that bends with roll, pitch or acceleration causes far larger ones.
+//! In every block of time, the mean signed distance of a scanner's points to the reference is compared with its standard
+//! deviation, due to pose errors and to the scatter of its points. The residuals of a rigid mounting agree with it; a
+//! mounting that bends with roll, pitch or acceleration causes far larger ones.
 
 use std::collections::BTreeMap;
 
@@ -133,6 +133,14 @@ struct Sums {
 }
 
 impl Sums {
+    /// Adds the distance of a point and its variance due to pose errors.
+    fn add(&mut self, distance_m: f64, variance_m2: f64) {
+        self.n += 1;
+        self.distance_m += distance_m;
+        self.square_m2 += distance_m * distance_m;
+        self.variance_m2 += variance_m2;
+    }
+
     /// The mean distance and its standard deviation, metres.
     fn mean_m(&self) -> (f64, f64) {
         let n = self.n as f64;
@@ -155,10 +163,7 @@ impl Constancy {
         for residual in residuals {
             let block = ((residual.time_s - start_s) / BLOCK_S) as u64;
             let sum = sums[residual.scanner].entry(block).or_default();
-            sum.n += 1;
-            sum.distance_m += residual.distance_m;
-            sum.square_m2 += residual.distance_m * residual.distance_m;
-            sum.variance_m2 += residual.variance_m2;
+            sum.add(residual.distance_m, residual.variance_m2);
         }
         let block = |(&index, sum): (&u64, &Sums)| {
             let (mean_m, expected_sigma_m) = sum.mean_m();
@@ -303,11 +308,7 @@ mod tests {
     fn the_standard_deviation_of_a_block_is_that_of_poses_and_scatter() {
         let mut sums = Sums::default();
         for i in 0..100 {
-            let distance_m = 0.001 + if i % 2 == 0 { 0.01 } else { -0.01 };
-            sums.n += 1;
-            sums.distance_m += distance_m;
-            sums.square_m2 += distance_m * distance_m;
-            sums.variance_m2 += 4e-6;
+            sums.add(0.001 + if i % 2 == 0 { 0.01 } else { -0.01 }, 4e-6);
         }
         let (mean_m, sigma_m) = sums.mean_m();
         assert!((mean_m - 0.001).abs() < 1e-12);

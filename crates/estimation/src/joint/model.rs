@@ -5,9 +5,10 @@
 
 use super::bend::Rung;
 use super::components::Component;
+use super::motion::PositionBlocks;
 use super::pattern::motion_left;
 use super::problem::JointProblem;
-use super::result::Joint;
+use super::result::{AdjustedDrive, Joint};
 use super::state::State;
 
 /// End of the name of an IMU's group; drives without an IMU have poses from a file.
@@ -125,18 +126,18 @@ fn with_imu(problem: &JointProblem<'_>) -> impl Iterator<Item = (usize, String)>
 /// blocks, which is the standard deviation of what the model misses; at least 1.
 pub fn misfit(joint: &Joint) -> f64 {
     let imus = joint.drives.iter();
-    let imus = imus.filter_map(|drive| {
-        joint
-            .groups
-            .iter()
-            .find(|group| group.name == drive.imu)?
-            .ratio
-    });
-    let blocks = joint.drives.iter().flat_map(|drive| &drive.positions);
-    let blocks =
-        blocks.filter(|blocks| blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS);
+    let imus = imus.filter_map(|drive| joint.group(&drive.imu)?.ratio);
+    let blocks = joint.drives.iter().flat_map(deciding);
     let blocks = blocks.flat_map(|blocks| blocks.rms);
     imus.map(f64::sqrt).chain(blocks).fold(1.0, f64::max)
+}
+
+/// The blocks of positions by which a drive is judged.
+fn deciding(drive: &AdjustedDrive) -> impl Iterator<Item = &PositionBlocks> {
+    let decides = |blocks: &&PositionBlocks| {
+        blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS
+    };
+    drive.positions.iter().filter(decides)
 }
 
 /// The contradictions to the model, gravest first.
@@ -157,7 +158,7 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
     }));
     for drive in &joint.drives {
         let of_drive = of_drive(&drive.name, joint.drives.len());
-        if let Some(imu) = joint.groups.iter().find(|group| group.name == drive.imu)
+        if let Some(imu) = joint.group(&drive.imu)
             && let Some(ratio) = imu.ratio
             && ratio > max_imu_ratio(imu.redundancy)
         {
@@ -169,10 +170,9 @@ pub fn contradictions(joint: &Joint) -> Vec<String> {
         if drive.imu.ends_with(IMU) && drive.motion_left > MAX_MOTION_LEFT {
             texts.push(scan_contradiction(&of_drive, joint.rung, drive.motion_left));
         }
-        for blocks in &drive.positions {
+        for blocks in deciding(drive) {
             let worst = blocks.rms.iter().copied().fold(0.0, f64::max);
-            let decides = blocks.block_s == DECIDING_BLOCK_S && blocks.blocks >= MIN_BLOCKS;
-            if decides && worst > MAX_BLOCK_RMS {
+            if worst > MAX_BLOCK_RMS {
                 let (what, likely) = match joint.reference {
                     Some(_) => (
                         "scans and reference",

@@ -317,11 +317,13 @@ impl LateScanner {
 impl JointReport {
     /// The adjustment whose values are reported.
     pub fn accepted(&self) -> Option<&Joint> {
-        let predicts_better = self
-            .held_out
-            .is_some_and(|held_out| held_out.joint_is_better);
-        let is_accepted = self.refused.is_empty() || predicts_better;
+        let is_accepted = self.refused.is_empty() || self.predicts_better().is_some();
         self.result.as_ref().filter(|_| is_accepted)
+    }
+
+    /// The comparison with two steps, if the adjustment predicts scans better.
+    pub fn predicts_better(&self) -> Option<HeldOut> {
+        self.held_out.filter(|held_out| held_out.joint_is_better)
     }
 }
 

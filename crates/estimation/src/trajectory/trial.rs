@@ -4,7 +4,7 @@ use super::estimate::{Estimate, estimate};
 use super::settings::TrajectorySettings;
 use super::solution::Solution;
 use super::streams::MotionLogs;
-use crate::error::{Error, Result};
+use crate::error::{Result, unless_cancelled};
 use crate::progress::Progress;
 
 /// What a rejected component of a record counts in the sum of squares.
@@ -16,12 +16,9 @@ pub fn try_estimate(
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Option<Estimate>> {
-    match estimate(logs, settings, progress) {
-        Ok(estimate) if estimate.solution.converged => Ok(Some(estimate)),
-        Err(Error::Cancelled) => Err(Error::Cancelled),
-        // The drive does not determine what is free.
-        _ => Ok(None),
-    }
+    // It fails if the drive does not determine what is free.
+    let estimate = unless_cancelled(estimate(logs, settings, progress))?;
+    Ok(estimate.filter(|estimate| estimate.solution.converged))
 }
 
 /// −2 ln L: how badly all records fit, with the squares of those used and a large one for each that was rejected.

@@ -29,8 +29,7 @@ pub fn verdicts(result: &Calibration, joint: Option<&JointReport>) -> Vec<Verdic
 
 /// On an adjustment that something speaks against: whose values are the result, and why.
 fn against(report: &JointReport) -> Vec<Verdict> {
-    let predicts_better = report.held_out.filter(|held_out| held_out.joint_is_better);
-    match predicts_better {
+    match report.predicts_better() {
         Some(held_out) => vec![contradicted(&report.refused, &held_out)],
         None => {
             let refused = refusals(&report.refused, report.result.is_some());

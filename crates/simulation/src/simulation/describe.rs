@@ -86,7 +86,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
     );
     let stated = scenario.project.states_errors;
     if stated {
-        text += &time_offset(prism.latency_s);
+        text += &unless_zero("time_offset_s", -prism.latency_s);
         text += &lasting(
             "sigma_correlated_m",
             prism.sigma_correlated_m,
@@ -99,7 +99,7 @@ fn project(scenario: &Scenario, index: usize) -> String {
             heading.sigma_deg, heading.mounting_offset_deg
         );
         if stated {
-            text += &time_offset(heading.latency_s);
+            text += &unless_zero("time_offset_s", -heading.latency_s);
             text += &lasting(
                 "sigma_correlated_deg",
                 heading.sigma_correlated_deg,
@@ -151,10 +151,8 @@ fn mounting(scenario: &Scenario) -> String {
 /// TOML.
 fn errors(scenario: &Scenario, start_s: f64) -> String {
     let (prism, heading) = (&scenario.prism, &scenario.heading);
-    let mut keys = latency(prism.latency_s);
-    if prism.incidence_bias_m != 0.0 {
-        keys += &format!("incidence_bias_m = {:?}\n", prism.incidence_bias_m);
-    }
+    let mut keys = unless_zero("latency_s", prism.latency_s);
+    keys += &unless_zero("incidence_bias_m", prism.incidence_bias_m);
     keys += &lasting(
         "sigma_correlated_m",
         prism.sigma_correlated_m,
@@ -172,7 +170,7 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
         );
     }
     let mut text = table("[prism]", &keys);
-    let mut keys = latency(heading.latency_s);
+    let mut keys = unless_zero("latency_s", heading.latency_s);
     keys += &lasting(
         "sigma_correlated_deg",
         heading.sigma_correlated_deg,
@@ -180,7 +178,11 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
     );
     text += &table("[heading]", &keys);
     for scanner in scenario.scanners.iter().filter(|s| s.latency_s != 0.0) {
-        let keys = format!("name = {:?}\n{}", scanner.name, latency(scanner.latency_s));
+        let keys = format!(
+            "name = {:?}\n{}",
+            scanner.name,
+            unless_zero("latency_s", scanner.latency_s)
+        );
         text += &table("[[scanner]]", &keys);
     }
     let reference = &scenario.reference;
@@ -205,20 +207,12 @@ fn lasting(key: &str, sigma: f64, correlation_s: f64) -> String {
     format!("{key} = {sigma:?}\ncorrelation_s = {correlation_s:?}\n")
 }
 
-/// The key of a latency; empty if there is none.
-fn latency(latency_s: f64) -> String {
-    if latency_s == 0.0 {
+/// A key with its value; empty if it is zero.
+fn unless_zero(key: &str, value: f64) -> String {
+    if value == 0.0 {
         return String::new();
     }
-    format!("latency_s = {latency_s:?}\n")
-}
-
-/// The key that corrects a latency; empty if there is none.
-fn time_offset(latency_s: f64) -> String {
-    if latency_s == 0.0 {
-        return String::new();
-    }
-    format!("time_offset_s = {:?}\n", -latency_s)
+    format!("{key} = {value:?}\n")
 }
 
 /// A table with these keys; empty if there are none.
