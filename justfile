@@ -124,8 +124,8 @@ book:
 
 # The tables of docs/project.md, made from the code
 keys:
-    BORESIGHT_WRITE=1 cargo test -p boresight-project --lib project::tests::keys
-    cargo test -p boresight-project --lib project::tests::keys
+    BORESIGHT_WRITE=1 cargo test -p boresight-project -p boresight --lib project::tests::keys
+    cargo test -p boresight-project -p boresight --lib project::tests::keys
 
 # Predicted standard deviations of the layouts of docs/field.md (some minutes each)
 field *NAMES:

@@ -104,7 +104,7 @@ pub fn analyse(
 }
 
 /// Calibrates the same drive under the other conditions: without the reference, with the true poses and by the paper's
-/// method, as far as `extras` and the reference allow.
+/// method, as far as `extras` ask for it.
 fn calibrate_variants(
     calibrated: &Calibrated<'_>,
     extras: &Extras,
@@ -128,7 +128,7 @@ fn calibrate_variants(
         };
     let key = &keys.calibration;
     let mut variants = Vec::new();
-    if project.reference.is_some() {
+    if extras.without_reference && project.reference.is_some() {
         let calibration = calibrate("calibrate without reference", key, &|progress| {
             let (poses, samples) = (drive.poses(progress)?, drive.samples(rig, progress)?);
             stages::calibration(project, begin, &settings, poses, samples, &[], progress)

@@ -46,6 +46,7 @@ pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
             &scenario,
             &files.drives[0].folder.join("truth"),
         )?),
+        without_reference: true,
         paper_voxels_m: DEMO_PAPER_VOXELS_M.to_vec(),
     };
     let findings = analyse(&project, options, &extras, progress)?;
@@ -214,6 +215,7 @@ pub fn run(project: &Project, options: &Options, progress: &dyn Progress) -> Res
     let command = format!("boresight run {}", project.path.display());
     let extras = Extras {
         command,
+        without_reference: true,
         ..Extras::default()
     };
     let findings = analyse(project, options, &extras, progress)?;

@@ -20,6 +20,8 @@ pub struct Extras {
     pub seed: Option<u64>,
     /// The truth, if it is known.
     pub truth: Option<Truth>,
+    /// Whether two steps are also run without the reference, for comparison.
+    pub without_reference: bool,
     /// Scales at which the paper's method is run for comparison; empty for none.
     pub paper_voxels_m: Vec<f64>,
 }

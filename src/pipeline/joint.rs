@@ -287,7 +287,8 @@ pub fn with_known_mountings(
 pub fn reason(error: Error) -> Result<String> {
     match error {
         Error::Data {
-            kind: Problem::TooFew | Problem::TooMany | Problem::NotDetermined,
+            kind:
+                Problem::TooFew | Problem::TooMany | Problem::NotDetermined | Problem::Contradicted,
             problem,
             ..
         } => Ok(problem),

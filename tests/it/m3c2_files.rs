@@ -134,3 +134,58 @@ fn tiles_give_the_same_bytes_as_one_piece() {
     let (_, recomputed) = run(&recomputed, &at("recomputed"));
     assert_eq!(numbers(&recomputed), known);
 }
+
+#[test]
+fn distances_of_walls_under_an_upward_orientation_are_said_to_have_arbitrary_signs() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut write = |name: &str, offset: f64| {
+        let wall = |_| {
+            let mut noise = || rng.random_range(-0.002..0.002);
+            let (along, up) = (noise() * 500.0, noise() * 500.0);
+            Vec3::new(offset + noise(), along, up)
+        };
+        let cloud = PointCloud {
+            points: (0..40_000).map(wall).collect(),
+            ..PointCloud::default()
+        };
+        let path = folder.path().join(name);
+        format::cloud_to_las(&cloud, &path, &[], None, &mut |_, _| Ok(true), &Silent).unwrap();
+        path
+    };
+    let [cloud, reference] = [write("cloud.laz", 0.01), write("reference.laz", 0.0)];
+    let summary_of = |orientation: Vec3| {
+        let comparison = Comparison {
+            cloud: cloud.clone(),
+            reference: reference.clone(),
+            core: None,
+            normals: NormalSource::Core { orientation },
+            settings: ComparisonSettings {
+                core_spacing_m: 0.1,
+                normal_radii_m: vec![0.15],
+                ..ComparisonSettings::default()
+            },
+            memory_bytes: Some(4 << 30),
+        };
+        let options = Options {
+            out: folder.path().join("out"),
+            seed: None,
+            fresh: false,
+        };
+        let outcome = compare(&comparison, &options, &Silent).unwrap();
+        let across = outcome.result["normals_across_orientation"]
+            .as_u64()
+            .unwrap();
+        (
+            across,
+            outcome.result["n"].as_u64().unwrap(),
+            outcome.summary,
+        )
+    };
+    let (across, distances, summary) = summary_of(Vec3::z());
+    assert_eq!(across, distances);
+    assert!(summary.contains("signs are arbitrary"), "{summary}");
+    let (across, _, summary) = summary_of(Vec3::x());
+    assert_eq!(across, 0);
+    assert!(!summary.contains("arbitrary"), "{summary}");
+}

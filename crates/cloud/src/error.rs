@@ -68,6 +68,8 @@ pub enum Problem {
     TooMany,
     /// Unknowns that the data do not determine.
     NotDetermined,
+    /// Values that are given as known, and that the data contradict.
+    Contradicted,
     /// A result that would overwrite one of its inputs.
     WouldReplaceInput,
 }

@@ -1,12 +1,12 @@
 //! The records of a drive in common time, with the project's origin subtracted. They come from whole logs, excerpts of
-//! logs that grow, or the lines of a stream. Format readers convert units and frames; time offsets and the origin are
-//! applied here and nowhere else.
+//! logs that grow, or the lines of a stream. Format readers convert units and frames; times are continued past midnight,
+//! and time offsets and the origin are applied, here and nowhere else.
 
 use crate::error::{Error, Result};
 use crate::format::{self, Input};
 use crate::geometry::Vec3;
 use crate::project::{Logs, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, Record};
+use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, Record, continue_times};
 use crate::trajectory::TrajectorySettings;
 
 /// Reads the logs of a project. Methods that read a log take `clock`, which may convert the times of the log before the
@@ -46,6 +46,7 @@ impl<'a> Feed<'a> {
         clock: impl FnOnce(&mut Vec<ImuSample>),
     ) -> Result<Vec<ImuSample>> {
         let mut samples = format::read_imu(input)?;
+        continue_times(&mut samples);
         clock(&mut samples);
         samples.iter_mut().for_each(|sample| self.place_imu(sample));
         Ok(samples)
@@ -61,6 +62,7 @@ impl<'a> Feed<'a> {
         clock: impl FnOnce(&mut Vec<HeadingFix>),
     ) -> Result<Vec<HeadingFix>> {
         let mut fixes = format::read_heading(input)?;
+        continue_times(&mut fixes);
         clock(&mut fixes);
         fixes.iter_mut().for_each(|fix| self.place_heading(fix));
         Ok(fixes)
@@ -80,6 +82,7 @@ impl<'a> Feed<'a> {
         let observations = &self.logs.positions[sensor].observations;
         let crs = self.project.crs.as_ref();
         let mut positions = format::read_projected_positions(input, observations, crs)?;
+        continue_times(&mut positions.fixes);
         clock(&mut positions.fixes);
         for fix in &mut positions.fixes {
             self.place_position(sensor, fix);

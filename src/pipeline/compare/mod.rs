@@ -10,13 +10,18 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::{Options, Outcome, page};
-use crate::comparison::{Aggregation, ComparisonSettings, Statistics};
+use crate::comparison::{Aggregation, ComparisonSettings, M3c2, Statistics};
 use crate::error::{Error, Result};
 use crate::format;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::report;
-use crate::tiles::{self, Comparison, peak_memory_bytes};
+use crate::tiles::{self, Comparison, NormalSource, peak_memory_bytes};
+
+/// Cosine from the orientation below which noise decides to which side a computed normal points: 75°.
+const ACROSS: f64 = 0.26;
+/// Share of such normals below which nothing is said.
+const NOTABLE_SHARE: f64 = 0.01;
 
 /// Computes M3C2 between two clouds: statistics, a table of the core points (`m3c2.csv`), and a
 /// cloud of the core points with extra dimensions (`m3c2.laz`).
@@ -48,7 +53,9 @@ pub fn compare(
     progress.check()?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });
+    let across = normals_across(&work.m3c2, comparison.normals);
     let mut result = json!(statistics);
+    result["normals_across_orientation"] = json!(across);
     result["stages"] = json!({
         "read": seconds(work.read_s),
         "index": seconds(work.index_s),
@@ -60,10 +67,39 @@ pub fn compare(
     result["peak_memory_bytes"] = json!(peak_memory_bytes());
     Ok(Outcome {
         result,
-        summary: summary(&statistics, settings),
+        summary: summary(&statistics, settings) + &arbitrary_signs(across, statistics.n),
         files: names.map(|name| options.out.join(name)).into(),
         ..Outcome::default()
     })
+}
+
+/// Number of distances whose computed normals lie across the orientation.
+fn normals_across(m3c2: &M3c2, source: NormalSource) -> usize {
+    let (NormalSource::Core { orientation } | NormalSource::Reference { orientation }) = source
+    else {
+        return 0;
+    };
+    let orientation = orientation.normalize();
+    let computed = m3c2
+        .core
+        .iter()
+        .filter(|point| point.distance_m.is_finite() && point.normal_radius_m.is_finite());
+    let across = computed.filter(|point| point.normal.dot(&orientation).abs() < ACROSS);
+    across.count()
+}
+
+/// What to do about normals across the orientation; empty if there are few.
+fn arbitrary_signs(across: usize, distances: usize) -> String {
+    let share = across as f64 / distances as f64;
+    if share < NOTABLE_SHARE {
+        return String::new();
+    }
+    format!(
+        "\n{across} distances ({:.0} %) have normals within 15° of a right angle to the orientation, as on walls seen with \
+         the orientation up: their signs are arbitrary. Compare such surfaces with --orientation towards where they were \
+         seen from.",
+        100.0 * share
+    )
 }
 
 fn summary(statistics: &Statistics, settings: &ComparisonSettings) -> String {

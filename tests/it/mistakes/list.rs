@@ -291,6 +291,29 @@ pub const MISTAKES: &[Mistake] = &[
             );
         },
     ),
+    mistake(
+        "both scanners turned by 180° about z",
+        &["scanner.rotation"],
+        |field| {
+            for side in [LEFT_ROTATION, RIGHT_ROTATION] {
+                field.project(side, &side.replace("90.0]", "-90.0]"));
+            }
+        },
+    ),
+    mistake("a fixed tx 20 mm off", &["joint.refused"], |field| {
+        field.project(
+            "translation_m = [1.2, -0.5, 0.5]",
+            "translation_m = [1.23, -0.5, 0.5]\nfixed = [\"tx\"]",
+        );
+    }),
+    mistake("positions of zero while lock is lost", &[], |field| {
+        let is_lost = |time_s: f64| (time_s % 60.0) < 10.0;
+        field.rows("prism.csv", |row| {
+            if is_lost(row[0]) {
+                row[1..].fill(0.0);
+            }
+        });
+    }),
     mistake("rotations 10° off", &[], |field| {
         field.project(
             "rotation_deg = [-145.0, 0.0, 90.0]",

@@ -3,6 +3,7 @@
 use super::adjust::{Outcome, at_rung};
 use super::bend::Rung;
 use super::conclude::not_determined;
+use super::fixed;
 use super::input::{JointDrive, JointInput};
 use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
@@ -18,8 +19,8 @@ const PROGRESS_UNITS: u64 = 1000;
 /// Adjusts mountings and trajectories together.
 ///
 /// # Errors
-/// Too few surfels that scans or the reference check; unknowns that nothing determines;
-/// [`Error::Cancelled`].
+/// Too few surfels that scans or the reference check; unknowns that nothing determines; fixed parameters that the drive
+/// contradicts; [`Error::Cancelled`].
 pub fn adjust(
     input: &JointInput<'_>,
     settings: &JointSettings,
@@ -70,6 +71,9 @@ pub fn adjust(
             Outcome::Found(joint) => contradictions(joint),
             Outcome::Contradicted(reasons) => reasons.clone(),
         };
+        if ladder.is_empty() && !reasons.is_empty() {
+            fixed::check(input, settings, surfel_m, rung, progress)?;
+        }
         match (outcome, next) {
             (_, Some(next)) if !reasons.is_empty() => {
                 let name = rung.name();

@@ -11,6 +11,7 @@ mod adjust;
 mod bend;
 mod components;
 mod conclude;
+mod fixed;
 mod input;
 mod known;
 mod ladder;

@@ -16,6 +16,14 @@ pub struct Alternative {
     pub text: String,
 }
 
+/// The axes of a scanner or of the body.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// Half a turn about one of the axes.
+fn half_turn(axis: usize) -> Rotation {
+    Rotation::from_scaled_axis(std::f64::consts::PI * Vec3::ith(axis, 1.0))
+}
+
 /// The usual mistakes in mountings and clocks of scanners; `nominal` are those of the project.
 pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<Alternative> {
     let mut all = Vec::new();
@@ -64,24 +72,27 @@ pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<
             );
             add(poses, "scanner.swapped", text);
         }
-        for (axis, axis_name) in ["x", "y", "z"].into_iter().enumerate() {
+        for (axis, axis_name) in AXES.into_iter().enumerate() {
             let mut poses = nominal.to_vec();
             poses[i].translation_m[axis] *= -1.0;
             let text = format!(
                 "with the other sign of {axis_name} in the translation of scanner `{name}`."
             );
             add(poses, "scanner.translation", text);
-        }
-        for (axis, turn) in [
-            ("x", Vec3::x_axis()),
-            ("y", Vec3::y_axis()),
-            ("z", Vec3::z_axis()),
-        ] {
             let mut poses = nominal.to_vec();
-            poses[i].rotation *= Rotation::from_axis_angle(&turn, std::f64::consts::PI);
-            let text = format!("with scanner `{name}` turned by 180° about its {axis} axis.");
+            poses[i].rotation *= half_turn(axis);
+            let text = format!("with scanner `{name}` turned by 180° about its {axis_name} axis.");
             add(poses, "scanner.rotation", text);
         }
+    }
+    for (axis, name) in AXES.into_iter().enumerate().filter(|_| nominal.len() > 1) {
+        let turned = nominal.iter().map(|pose| {
+            let mut pose = *pose;
+            pose.rotation *= half_turn(axis);
+            pose
+        });
+        let text = format!("with all scanners turned by 180° about their {name} axes.");
+        add(turned.collect(), "scanner.rotation", text);
     }
     for (signs, what) in [
         (Vec3::new(1.0, -1.0, -1.0), "y and z"),
@@ -96,9 +107,9 @@ pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<
         );
         add(poses.collect(), "scanner.translation", text);
     }
-    let half_turn = Rotation::from_axis_angle(&Vec3::x_axis(), std::f64::consts::PI);
+    let about_x = half_turn(0);
     let other_axes = |pose: &BodyFromScanner| {
-        BodyFromScanner::new(half_turn * pose.rotation, half_turn * pose.translation_m)
+        BodyFromScanner::new(about_x * pose.rotation, about_x * pose.translation_m)
     };
     add(
         nominal.iter().map(other_axes).collect(),

@@ -14,6 +14,8 @@ pub enum RejectionReason {
     TimeOrder,
     /// It lies before or after the IMU's log.
     OutsideImu,
+    /// It repeats the position before it.
+    Repeated,
     /// Its residual exceeds the limit of the test.
     Outlier,
     /// It arrived after the online smoother had moved on.
@@ -25,6 +27,7 @@ impl fmt::Display for RejectionReason {
         f.write_str(match self {
             Self::TimeOrder => "time out of order",
             Self::OutsideImu => "outside the IMU's span",
+            Self::Repeated => "repeats the position before it",
             Self::Outlier => "outlier",
             Self::Late => "too late for the online smoother",
         })
@@ -75,7 +78,7 @@ pub struct SensorDiagnostics {
     pub count: usize,
     /// Records rejected by the test.
     pub rejected: usize,
-    /// Records outside the IMU's span or out of time order.
+    /// Records outside the IMU's span, out of time order, or repeated.
     pub ignored: usize,
     /// Root mean square per component of the records used.
     pub rms_raw: f64,

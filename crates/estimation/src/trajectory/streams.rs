@@ -6,9 +6,13 @@ use super::imu_series::ImuSeries;
 use super::settings::TrajectorySettings;
 use super::solution::{Rejection, RejectionReason};
 use crate::error::{Error, Problem, Result};
-use crate::geometry::{Mat3, is_finite};
+use crate::geometry::{Mat3, Vec3, is_finite};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix, Timed, check_overlap, time_unit_within};
 use crate::statistics::median;
+
+/// A position that is written so often in a row, to the last digit, was measured once at most: loggers repeat the last
+/// fix, or write zeros, while lock is lost.
+const MAX_SAME: usize = 4;
 
 /// Fewest position fixes within the IMU's span: with fewer, there are not even start values.
 pub const MIN_FIXES: usize = 5;
@@ -104,6 +108,11 @@ impl Streams {
         for (sensor, fixes) in logs.positions.iter().enumerate() {
             let stream = Stream::Position(sensor);
             let fixes = ordered(fixes, stream, &names, corrections, &mut dropped);
+            let (fixes, repeated) = measured(fixes);
+            let repeated = repeated.iter();
+            dropped.extend(
+                repeated.map(|fix| names.rejection(stream, fix, RejectionReason::Repeated)),
+            );
             positions.push(within(fixes, span, stream, &names, &mut dropped)?);
         }
         let count: usize = positions.iter().map(Vec::len).sum();
@@ -148,6 +157,22 @@ impl Names<'_> {
             Stream::Imu => "imu".into(),
             Stream::Position(sensor) => self.0.positions[sensor].name.clone(),
             Stream::Heading => "heading".into(),
+        }
+    }
+
+    /// A record of this stream that is not used.
+    fn rejection<T: Timed>(
+        &self,
+        stream: Stream,
+        record: &Numbered<T>,
+        reason: RejectionReason,
+    ) -> Rejection {
+        Rejection {
+            sensor: self.sensor(stream),
+            record: record.record + 1,
+            time_s: record.value.time_s(),
+            reason,
+            normalised: None,
         }
     }
 
@@ -279,6 +304,31 @@ fn ordered<T: Timed + Copy>(
         .collect()
 }
 
+/// The fixes that were measured, and those that repeat the one before, or zeros. Positions with few digits repeat too: all
+/// count as measured unless most steps change all three coordinates.
+fn measured(
+    fixes: Vec<Numbered<PositionFix>>,
+) -> (Vec<Numbered<PositionFix>>, Vec<Numbered<PositionFix>>) {
+    let at = |fix: &Numbered<PositionFix>| fix.value.position_m;
+    let steps = fixes.windows(2).map(|pair| at(&pair[1]) - at(&pair[0]));
+    let steps: Vec<Vec3> = steps.filter(|step| *step != Vec3::zeros()).collect();
+    let in_full = steps.iter().filter(|step| step.iter().all(|x| *x != 0.0));
+    if 2 * in_full.count() < steps.len() {
+        return (fixes, Vec::new());
+    }
+    let (mut kept, mut repeated) = (Vec::with_capacity(fixes.len()), Vec::new());
+    for same in fixes.chunk_by(|a, b| at(a) == at(b)) {
+        let measured = match same.len() {
+            0..=MAX_SAME => same.len(),
+            _ if at(&same[0]) == Vec3::zeros() => 0,
+            _ => 1,
+        };
+        kept.extend_from_slice(&same[..measured]);
+        repeated.extend_from_slice(&same[measured..]);
+    }
+    (kept, repeated)
+}
+
 /// Indices of a longest strictly increasing subsequence (Fredman 1975), n log n.
 fn longest_increasing(values: &[f64]) -> Vec<usize> {
     if values.windows(2).all(|pair| pair[1] > pair[0]) {
@@ -354,19 +404,50 @@ fn within<T: Timed>(
     let (inside, outside): (Vec<_>, Vec<_>) = records
         .into_iter()
         .partition(|r| (span.0..=span.1).contains(&time_s(r)));
-    dropped.extend(outside.iter().map(|r| Rejection {
-        sensor: names.sensor(stream),
-        record: r.record + 1,
-        time_s: time_s(r),
-        reason: RejectionReason::OutsideImu,
-        normalised: None,
-    }));
+    let outside = outside.iter();
+    dropped.extend(outside.map(|r| names.rejection(stream, r, RejectionReason::OutsideImu)));
     Ok(inside)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The records that are kept of a sensor at these positions.
+    fn kept(positions_m: &[[f64; 3]]) -> Vec<usize> {
+        let fix = |(record, position_m): (usize, &[f64; 3])| Numbered {
+            record,
+            value: PositionFix::with_sigma(record as f64, Vec3::from(*position_m), None),
+        };
+        let (kept, repeated) = measured(positions_m.iter().enumerate().map(fix).collect());
+        assert_eq!(kept.len() + repeated.len(), positions_m.len());
+        kept.iter().map(|fix| fix.record).collect()
+    }
+
+    #[test]
+    fn positions_repeated_while_lock_is_lost_are_left_out() {
+        let at = |i: usize| [0.1 * i as f64, 0.2 * i as f64, 1.0 - 0.01 * i as f64];
+        let mut positions_m: Vec<[f64; 3]> = (1..20).map(at).collect();
+        assert_eq!(kept(&positions_m).len(), 19);
+        positions_m[5..12].fill(at(6));
+        assert_eq!(
+            kept(&positions_m),
+            [0, 1, 2, 3, 4, 5, 12, 13, 14, 15, 16, 17, 18]
+        );
+        positions_m[5..12].fill([0.0; 3]);
+        assert_eq!(
+            kept(&positions_m),
+            [0, 1, 2, 3, 4, 12, 13, 14, 15, 16, 17, 18]
+        );
+    }
+
+    #[test]
+    fn positions_with_few_digits_are_all_used() {
+        // 2 mm between fixes, written in steps of 10 cm; the height does not change.
+        let at = |i: usize| [0.1 * (i / 50) as f64, 0.1 * (i / 37) as f64, 1.0];
+        let positions_m: Vec<[f64; 3]> = (0..500).map(at).collect();
+        assert_eq!(kept(&positions_m).len(), 500);
+    }
 
     #[test]
     fn the_largest_increasing_set_is_found() {

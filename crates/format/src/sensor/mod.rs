@@ -1,5 +1,6 @@
 //! The measurements of each sensor as plain records, and checks of their streams.
 
+mod continued;
 mod frame_log;
 mod projected;
 mod record;
@@ -11,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
+pub use continued::{Continued, continue_times};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use projected::project_fixes;
 pub use record::Record;

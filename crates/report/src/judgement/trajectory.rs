@@ -6,7 +6,9 @@ use crate::diagnostics::{
     sensors_shown,
 };
 use crate::number;
-use crate::trajectory::{Constant, Doubt, PositionStep, SensorDiagnostics, Solution};
+use crate::trajectory::{
+    Constant, Doubt, PositionStep, RejectionReason, SensorDiagnostics, Solution,
+};
 use crate::verdict::{Severity, Verdict, capitalised};
 
 /// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
@@ -111,12 +113,26 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
             lines.push(verdict.with_value(sensor.rms_normalised, None));
         }
         let all = sensor.count + sensor.rejected;
-        let ignored = sensor.ignored as f64 / (all + sensor.ignored) as f64;
+        let repeated = solution.rejections.iter().filter(|rejection| {
+            rejection.sensor == sensor.name && rejection.reason == RejectionReason::Repeated
+        });
+        let repeated = repeated.count();
+        if repeated > 0 {
+            let text = format!(
+                "{} of {} records of {name} repeat the position before them to the last digit, or are zero, as loggers \
+                 write while lock is lost: they are not used.",
+                number::count(repeated),
+                number::count(all + sensor.ignored)
+            );
+            lines.push(Verdict::note(format!("{}.repeated", sensor.name), text));
+        }
+        let outside = sensor.ignored - repeated;
+        let ignored = outside as f64 / (all + sensor.ignored) as f64;
         if ignored > CARE_IGNORED {
             let text = format!(
                 "{} of {} records of {name} are not used, as they lie before or after the IMU's log or out of the \
                  order of time: is a log cut off?",
-                number::count(sensor.ignored),
+                number::count(outside),
                 number::count(all + sensor.ignored)
             );
             let verdict = Verdict::care(format!("{}.ignored", sensor.name), text);

@@ -6,7 +6,7 @@ use crate::calibration::Mounting;
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::rounds::DAMPING;
-use crate::joint::{Joint, JointInput, adjust};
+use crate::joint::{Joint, JointInput, Rung, adjust, fixed};
 use crate::progress::Silent;
 use nalgebra::DVector;
 
@@ -105,6 +105,31 @@ fn what_nothing_determines_is_held_at_its_initial_value() {
     let miss_m = mean_m(&state.mountings) - mean_m(&initial);
     println!("off by {miss_m:e} m");
     assert!(miss_m.abs() < 1e-6);
+}
+
+#[test]
+fn a_fixed_value_that_the_drive_contradicts_is_named() {
+    let mut case = Case {
+        reference: Case::full().reference,
+        ..Case::plain()
+    };
+    (
+        case.settings.reference.shift_m,
+        case.settings.reference.tilt_rad,
+    ) = (0.0, 0.0);
+    case.mountings[0].fixed[0] = true;
+    let check = |case: &Case| {
+        let (input, settings) = (case.input(), &case.settings);
+        fixed::check(&input, settings, SURFEL_M, Rung::Rigid, &Silent)
+    };
+    check(&case).expect("the true value");
+    case.mountings[0].body_from_scanner.translation_m.x += 0.03;
+    let text = check(&case).expect_err("a wrong value").to_string();
+    let name = &case.mountings[0].name;
+    assert!(
+        text.contains(&format!("tx of `{name}` is off by +")),
+        "{text}"
+    );
 }
 
 #[test]

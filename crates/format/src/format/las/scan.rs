@@ -10,7 +10,7 @@ use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::{LasFile, point_error};
 use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::{Rotation, Vec3, WorldFromBody, is_finite};
-use crate::sensor::{PoseRecord, ScanPoint};
+use crate::sensor::{Continued, PoseRecord, ScanPoint};
 
 /// Points in the scanner frame, in the order of the file; decoded on a separate thread, one chunk
 /// ahead.
@@ -50,22 +50,16 @@ impl LasScan {
 
 /// Sends the chunks of a file until it ends, fails, or the receiver is dropped.
 fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
-    let mut last = f64::NEG_INFINITY;
+    let mut times = Continued::default();
     let mut next = |file: &mut LasFile| {
         let mut chunk = Vec::new();
         file.read(CHUNK_POINTS, |index, point| {
-            if point.time_s < last {
-                let found = format!("time {} s after {last} s", point.time_s);
-                return Err(point_error(
-                    input.path(),
-                    index,
-                    &found,
-                    "points in time order",
-                ));
-            }
-            last = point.time_s;
+            let in_order = times.in_order(point.time_s);
+            let time_s = in_order.map_err(|found| {
+                point_error(input.path(), index, &found, "points in time order")
+            })?;
             chunk.push(ScanPoint {
-                time_s: point.time_s,
+                time_s,
                 position_m: point.position,
                 intensity: point.intensity,
             });

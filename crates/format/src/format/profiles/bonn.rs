@@ -16,7 +16,7 @@ use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind, WholeRecord};
 use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
-use crate::sensor::ScanPoint;
+use crate::sensor::{Continued, ScanPoint};
 
 /// z in the file is z in the scanner frame plus this, metres.
 pub(super) const STAND_OFF_M: f64 = 1.150;
@@ -51,7 +51,7 @@ pub(crate) struct BonnReader {
     /// Byte offset of the record.
     start: u64,
     total: u64,
-    last_time_s: f64,
+    times: Continued,
     empty: bool,
 }
 
@@ -160,7 +160,7 @@ impl BonnReader {
             record: Vec::new(),
             start: 0,
             total,
-            last_time_s: f64::NEG_INFINITY,
+            times: Continued::default(),
             empty: true,
         })
     }
@@ -215,16 +215,12 @@ impl BonnReader {
             return Ok(false);
         }
         self.take(HEAD)?;
-        let head = Head::parse(&self.record)
+        let mut head = Head::parse(&self.record)
             .map_err(|(at, found, expected)| self.error(at, found, expected))?;
-        if head.time_s < self.last_time_s {
-            return Err(self.error(
-                0,
-                format!("time {} s after {} s", head.time_s, self.last_time_s),
-                "profiles in time order",
-            ));
-        }
-        self.last_time_s = head.time_s;
+        head.time_s = match self.times.in_order(head.time_s) {
+            Ok(time_s) => time_s,
+            Err(found) => return Err(self.error(0, found, "profiles in time order")),
+        };
         let xs = self.take_values(head.width, 2, "x")?;
         let zs = self.take_values(head.width, 2, "z")?;
         let middle = self.take(MIDDLE)?;
@@ -415,5 +411,25 @@ mod tests {
         assert!(f64::from(scale_nm) * 32767.0 >= 1e9);
         assert_eq!(quantisation([0.25].into_iter()), (250_000, 1));
         assert_eq!(quantisation(std::iter::empty()), (0, 1000));
+    }
+
+    #[test]
+    fn a_recording_continues_past_midnight() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("night.bin");
+        let mut writer = BonnWriter::create(&path).unwrap();
+        for time_s in [86_399.9, 86_400.0 - 86_400.0, 0.1] {
+            writer
+                .write_profile(time_s, &[Some((0.1, -0.5, 9))])
+                .unwrap();
+        }
+        writer.finish().unwrap();
+        let mut points = Vec::new();
+        BonnReader::open(&Input::from(&path))
+            .unwrap()
+            .next_chunk(&mut points)
+            .unwrap();
+        let times_s: Vec<f64> = points.iter().map(|point| point.time_s).collect();
+        assert_eq!(times_s, [86_399.9, 86_400.0, 86_400.1]);
     }
 }

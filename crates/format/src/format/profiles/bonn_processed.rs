@@ -10,7 +10,7 @@ use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start, WholeRecord};
 use crate::format::profiles::reader::ProfileReader;
 use crate::geometry::Vec3;
-use crate::sensor::ScanPoint;
+use crate::sensor::{Continued, ScanPoint};
 
 /// Bytes of time and count, and bytes of a point.
 const HEAD: usize = 12;
@@ -89,7 +89,7 @@ fn whole_record(bytes: &[u8], fits: &dyn Fn(f64) -> bool) -> Option<WholeRecord>
 struct ProcessedReader {
     bytes: Bytes,
     record: Vec<u8>,
-    last_time_s: f64,
+    times: Continued,
     empty: bool,
 }
 
@@ -98,7 +98,7 @@ impl ProcessedReader {
         Ok(Self {
             bytes: Bytes::open(input)?,
             record: Vec::new(),
-            last_time_s: f64::NEG_INFINITY,
+            times: Continued::default(),
             empty: true,
         })
     }
@@ -126,11 +126,12 @@ impl ProcessedReader {
                 "a time, and 65536 points at most",
             ));
         };
-        if time_s < self.last_time_s {
-            let found = format!("time {time_s} s after {} s", self.last_time_s);
-            return Err(error(&mut self.bytes, at, found, "profiles in time order"));
-        }
-        self.last_time_s = time_s;
+        let time_s = match self.times.in_order(time_s) {
+            Ok(time_s) => time_s,
+            Err(found) => {
+                return Err(error(&mut self.bytes, at, found, "profiles in time order"));
+            }
+        };
         let n = count as usize;
         self.bytes
             .check((POINT * n) as u64, "the points of a profile")?;

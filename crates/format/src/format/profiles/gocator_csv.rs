@@ -40,7 +40,7 @@ use crate::format::kind::{Frame, Kind};
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::lines::Lines;
 use crate::geometry::Vec3;
-use crate::sensor::ScanPoint;
+use crate::sensor::{Continued, ScanPoint};
 use blocks::{Layout, RAW, Row, check_rest, next_line, read_info, skip, tilt};
 
 mod blocks;
@@ -80,7 +80,7 @@ struct GocatorCsv {
     next: Option<Row>,
     has_ended: bool,
     source: Option<f64>,
-    last_time_s: f64,
+    times: Continued,
     is_empty: bool,
 }
 
@@ -126,7 +126,7 @@ impl GocatorCsv {
                         next: None,
                         has_ended: false,
                         source: None,
-                        last_time_s: f64::NEG_INFINITY,
+                        times: Continued::default(),
                         is_empty: true,
                     };
                     return Ok((reader, rate_hz));
@@ -210,7 +210,7 @@ impl GocatorCsv {
             next = self.next_row()?;
         }
         let time_s = ticks * self.tick_s;
-        self.check_order(source, time_s)?;
+        let time_s = self.next_time_s(source, time_s)?;
         let [x_mm, z_mm, intensities] = rows;
         let (Some(x_mm), Some(z_mm)) = (x_mm.as_ref().or(self.layout.x_mm.as_ref()), z_mm) else {
             let found = format!("frame {frame} without a row of its coordinates");
@@ -236,8 +236,9 @@ impl GocatorCsv {
         Ok(true)
     }
 
-    /// Checks that a profile is not earlier than the last one and comes from the same sensor.
-    fn check_order(&mut self, source: f64, time_s: f64) -> Result<()> {
+    /// The time of a profile, continued past midnight. Checks that the profile is not earlier than the last one and comes
+    /// from the same sensor.
+    fn next_time_s(&mut self, source: f64, time_s: f64) -> Result<f64> {
         let first = *self.source.get_or_insert(source);
         if source != first {
             return Err(self.lines.error(
@@ -245,12 +246,8 @@ impl GocatorCsv {
                 "one sensor per file: export each sensor separately",
             ));
         }
-        if time_s < self.last_time_s {
-            let found = format!("time {time_s} s after {} s", self.last_time_s);
-            return Err(self.lines.error(found, "profiles in time order"));
-        }
-        self.last_time_s = time_s;
-        Ok(())
+        let in_order = self.times.in_order(time_s);
+        in_order.map_err(|found| self.lines.error(found, "profiles in time order"))
     }
 }
 

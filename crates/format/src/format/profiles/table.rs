@@ -10,7 +10,7 @@ use crate::format::log::tables::TableWriter;
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::Vec3;
-use crate::sensor::ScanPoint;
+use crate::sensor::{Continued, ScanPoint};
 
 pub(crate) const PROFILES: Columns = Columns {
     needed: &["time_s", "x_m", "z_m"],
@@ -29,7 +29,7 @@ pub(crate) fn open_table(input: &Input) -> Result<Box<dyn ProfileReader>> {
     Ok(Box::new(TableProfiles {
         table: Table::open(input, &PROFILES)?,
         path: input.path().to_owned(),
-        last_time_s: f64::NEG_INFINITY,
+        times: Continued::default(),
     }))
 }
 
@@ -37,7 +37,7 @@ pub(crate) fn open_table(input: &Input) -> Result<Box<dyn ProfileReader>> {
 struct TableProfiles {
     table: Table,
     path: PathBuf,
-    last_time_s: f64,
+    times: Continued,
 }
 
 impl ProfileReader for TableProfiles {
@@ -46,13 +46,9 @@ impl ProfileReader for TableProfiles {
         let mut row = [0.0; 5];
         while into.len() < CHUNK_POINTS && self.table.next_row(&mut row)? {
             let [time_s, x, z, y, intensity] = row;
-            if time_s < self.last_time_s {
-                return Err(self.table.error(
-                    format!("time {time_s} s after {} s", self.last_time_s),
-                    "points in time order",
-                ));
-            }
-            self.last_time_s = time_s;
+            let in_order = self.times.in_order(time_s);
+            let time_s =
+                in_order.map_err(|found| self.table.error(found, "points in time order"))?;
             let or_zero = |v: f64| if v.is_nan() { 0.0 } else { v };
             into.push(ScanPoint {
                 time_s,
@@ -60,7 +56,7 @@ impl ProfileReader for TableProfiles {
                 intensity: or_zero(intensity) as f32,
             });
         }
-        if into.is_empty() && self.last_time_s == f64::NEG_INFINITY {
+        if into.is_empty() && self.times.is_empty() {
             return Err(nothing_in(&self.path, "point"));
         }
         Ok(!into.is_empty())
