@@ -1,19 +1,25 @@
 //! Verdicts on mountings that move, and on points, which are known better than such mountings.
 
 use crate::calibration::PARAMETER_NAMES;
-use crate::geometry::Vec3;
-use crate::joint::{AdjustedDrive, Joint, known_m};
+use crate::geometry::{Bending, Vec3};
+use crate::joint::{AdjustedDrive, Joint, MovedMounting, known_m};
 use crate::number;
+use crate::statistics;
 use crate::verdict::Verdict;
 
 /// A parameter is named if more than this share of its variance rests on the prior of the motion.
 const NOTABLE_SHARE: f64 = 0.25;
 
-/// Verdicts on the motion of mountings, on their jumps, and on the precision of points.
+/// Drives disagree about a mounting if its means over two of them differ by more than this many times what it moves within
+/// either, and than their standard deviations: the three sigmas of the other tests of mountings.
+const DISAGREEING: f64 = 3.0;
+
+/// Verdicts on the motion of mountings, on their jumps, on drives that disagree, and on the precision of points.
 pub fn verdicts(joint: &Joint) -> Vec<Verdict> {
     let mut all = Vec::new();
     all.extend(moving(joint));
     all.extend(jumps(joint));
+    all.extend(disagreeing(joint));
     all.extend(points(joint));
     all.extend(joint.drives.iter().filter_map(pose_errors));
     all
@@ -130,6 +136,63 @@ fn jumps(joint: &Joint) -> Vec<Verdict> {
     verdicts.collect()
 }
 
+/// The motion of a mounting during a drive, (δφ, δp).
+struct Stay {
+    mean: [f64; 6],
+    /// Root mean squares about the mean, and standard deviations.
+    spread: [f64; 6],
+}
+
+impl Stay {
+    fn of(moved: &MovedMounting) -> Self {
+        let column = |bending: &Bending, i: usize| -> Vec<f64> {
+            bending.samples().map(|(_, offset)| offset[i]).collect()
+        };
+        let mean = std::array::from_fn(|i| statistics::mean(&column(&moved.offsets, i)));
+        let spread = std::array::from_fn(|i| {
+            let offsets = column(&moved.offsets, i).into_iter();
+            let within = statistics::rms(offsets.map(|offset| offset - mean[i]));
+            within.max(statistics::rms(column(&moved.sigmas, i)))
+        });
+        Self { mean, spread }
+    }
+
+    /// The step to the mounting of another drive, if it is far larger than the motion within both.
+    fn step_to(&self, later: &Self) -> Option<[f64; 6]> {
+        let step: [f64; 6] = std::array::from_fn(|i| later.mean[i] - self.mean[i]);
+        let is_large = |i: usize| step[i].abs() > DISAGREEING * self.spread[i].max(later.spread[i]);
+        (0..6).any(is_large).then_some(step)
+    }
+}
+
+/// A verdict for each scanner that is mounted differently in two drives and hardly moves within them.
+fn disagreeing(joint: &Joint) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    for (scanner, mounting) in joint.mountings.iter().enumerate() {
+        let drives = joint.drives.iter();
+        let stays = drives.filter_map(|d| Some((&d.name, Stay::of(d.bending.get(scanner)?))));
+        let stays: Vec<(&String, Stay)> = stays.collect();
+        for pair in stays.windows(2) {
+            let [(before, first), (after, second)] = pair else {
+                continue;
+            };
+            let Some(step) = first.step_to(second) else {
+                continue;
+            };
+            let [turn, shift] = [&step[..3], &step[3..]].map(Vec3::from_column_slice);
+            let text = format!(
+                "The drives disagree about {}: from {before} to {after} its mounting differs by {} and {:.3}°, far more \
+                 than it moves within them. Was it touched between them? Calibrate these drives apart.",
+                mounting.name,
+                number::length(shift.norm()),
+                turn.norm().to_degrees(),
+            );
+            verdicts.push(Verdict::care("mounting.drives", text).with_value(shift.norm(), None));
+        }
+    }
+    verdicts
+}
+
 /// The verdict on the precision of points, by the worst scanner.
 fn points(joint: &Joint) -> Option<Verdict> {
     let scanners = joint.drives.iter().flat_map(|drive| &drive.points);
@@ -147,4 +210,30 @@ fn points(joint: &Joint) -> Option<Verdict> {
         },
     );
     Some(Verdict::note("points.sigma", text).with_value(worst.norm(), None))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mounting that swings by this much about a mean along x, and whose offsets are known to 0.3 mm.
+    fn stay(mean_m: f64, swing_m: f64) -> Stay {
+        let sampled = |offset: &dyn Fn(f64) -> f64| {
+            Bending::sampled((0.0, 60.0), 0.1, |time_s| {
+                [0.0, 0.0, 0.0, offset(time_s), 0.0, 0.0]
+            })
+        };
+        Stay::of(&MovedMounting {
+            offsets: sampled(&|time_s| mean_m + swing_m * time_s.sin()),
+            sigmas: sampled(&|_| 3e-4),
+        })
+    }
+
+    #[test]
+    fn a_scanner_touched_between_drives_is_told_from_one_that_swings_in_both() {
+        let step = stay(-0.002, 0.0).step_to(&stay(0.002, 1e-4)).unwrap();
+        assert!((step[3] - 0.004).abs() < 1e-5);
+        assert_eq!(stay(-0.002, 0.004).step_to(&stay(0.002, 0.004)), None);
+        assert_eq!(stay(0.0, 0.0).step_to(&stay(5e-4, 0.0)), None);
+    }
 }
