@@ -29,7 +29,7 @@ const FILE: &str = "hashes.json";
 /// is not read again. A file that cannot be read has no hash; the item that needs it reports the error.
 ///
 /// # Errors
-/// The hashes cannot be stored; [`Error::Cancelled`].
+/// The hashes cannot be stored; [`Error::Cancelled`](crate::error::Error::Cancelled).
 pub fn hashes(
     files: &[String],
     root: &Path,

@@ -20,7 +20,7 @@ const BLOCK_S: f64 = 10.0;
 /// or no ground was seen twice.
 ///
 /// # Errors
-/// [`Error::Cancelled`].
+/// [`Error::Cancelled`](crate::error::Error::Cancelled).
 pub fn compare(
     drive: &Drive<'_>,
     two_steps: &Calibration,
