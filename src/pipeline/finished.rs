@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::inputs::{Inputs, hash_of, size};
 use super::kept;
 use super::keys::{DIGITS, Key};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, unless_cancelled};
 use crate::output::Staging;
 use crate::progress::Progress;
 
@@ -103,10 +103,8 @@ impl Finished {
             return Ok(None);
         }
         for (file, hash) in places.iter().zip(&hashes) {
-            match hash_with_progress(file, progress) {
-                Ok(current) if current == *hash => {}
-                Err(Error::Cancelled) => return Err(Error::Cancelled),
-                _ => return Ok(None),
+            if unless_cancelled(hash_with_progress(file, progress))? != Some(*hash) {
+                return Ok(None);
             }
         }
         let pairs = places.iter().zip(paths);

@@ -36,7 +36,7 @@ pub use gap::Gap;
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
 pub use minimum::Minimum;
 pub use observability::{Observability, UnobservableDirection};
-pub use parameters::{Mounting, PARAMETER_NAMES};
+pub use parameters::{Mounting, PARAMETER_NAMES, change};
 pub use relative::{RelativeMounting, ScannerFromScanner, relative};
 pub use result::{Calibration, Scale};
 pub use sample::{ScannerSample, sample_profiles};
@@ -262,7 +262,7 @@ fn hold_unobservable_directions(
             floor_m,
         };
     }
-    let change = parameters::change(initial, &state.mountings);
+    let change = change(initial, &state.mountings);
     let mountings = parameters::moved(&state.mountings, &observability.restoring(&change));
     let surface = state.surface.moved(&parameters::poses(&mountings));
     let state = problem.state(mountings, surface);

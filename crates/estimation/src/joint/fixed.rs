@@ -1,38 +1,27 @@
 //! Parameters of mountings that the project fixes, tested against the drive.
 
-use super::adjust::{Outcome, at_rung};
-use super::bend::Rung;
+use super::adjust::Outcome;
 use super::input::{JointDrive, JointInput};
 use super::model::contradictions;
 use super::result::Joint;
-use super::settings::JointSettings;
-use crate::calibration::{Mounting, PARAMETER_NAMES};
+use crate::calibration::{Mounting, PARAMETER_NAMES, change};
 use crate::error::{Error, Problem, Result, unless_cancelled};
-use crate::progress::Progress;
-
-/// A fixed parameter is contradicted where the drive finds it off by more standard deviations than this, as a constant of
-/// the project is.
-const MAX_SIGMAS: f64 = 5.0;
+use crate::trajectory::Doubt;
 
 /// Where a drive contradicts the lowest rung, and fits it with the fixed parameters free: an error that names those that are
-/// off. Otherwise mountings would move to make up for a value that is wrong.
+/// off. Otherwise mountings would move to make up for a value that is wrong. `at_lowest` adjusts at that rung.
 ///
 /// # Errors
 /// Fixed parameters that are off; [`Error::Cancelled`].
 pub fn check(
     input: &JointInput<'_>,
-    settings: &JointSettings,
-    surfel_m: f64,
-    rung: Rung,
-    progress: &dyn Progress,
+    at_lowest: impl FnOnce(&JointInput<'_>) -> Result<Outcome>,
 ) -> Result<()> {
     let any_fixed = input.mountings.iter().any(|m| m.fixed.contains(&true));
     if !any_fixed || input.known.is_some() {
         return Ok(());
     }
-    let freed = freed(input);
-    let outcome = at_rung(&freed, settings, surfel_m, rung, false, &mut None, progress);
-    let Some(Outcome::Found(joint)) = unless_cancelled(outcome)? else {
+    let Some(Outcome::Found(joint)) = unless_cancelled(at_lowest(&freed(input)))? else {
         return Ok(());
     };
     let off = off(&joint, &input.mountings);
@@ -69,34 +58,27 @@ fn freed<'a>(input: &JointInput<'a>) -> JointInput<'a> {
     }
 }
 
-/// The fixed parameters that an adjustment with free ones finds off, in words. Angles are compared about the axes of the
-/// body.
+/// The fixed parameters that an adjustment with free ones finds off, in words, beyond what a constant of the project may be.
+/// Angles are compared about the axes of the body.
 fn off(joint: &Joint, fixed: &[Mounting]) -> Vec<String> {
-    let mut texts = Vec::new();
-    for (scanner, (found, fixed)) in joint.mountings.iter().zip(fixed).enumerate() {
-        let (turn_rad, shift_m) = found
-            .body_from_scanner
-            .perturbation_from(&fixed.body_from_scanner);
-        let off = shift_m.iter().chain(turn_rad.iter());
-        for (parameter, off) in off.enumerate().filter(|(i, _)| fixed.fixed[*i]) {
-            let place = 6 * scanner + parameter;
-            let sigma = joint.covariance[(place, place)].sqrt();
-            if off.abs() < MAX_SIGMAS * sigma {
-                continue;
-            }
-            let (factor, unit) = if parameter < 3 {
-                (1e3, " mm")
-            } else {
-                (1f64.to_degrees(), "°")
-            };
-            texts.push(format!(
-                "{} of `{}` is off by {:+.2} ± {:.2}{unit}",
-                PARAMETER_NAMES[parameter],
-                fixed.name,
-                -off * factor,
-                sigma * factor,
-            ));
-        }
-    }
-    texts
+    let found = change(fixed, &joint.mountings);
+    let sigma = |place: usize| joint.covariance[(place, place)].sqrt();
+    let is_off = |place: &usize| {
+        fixed[place / 6].fixed[place % 6]
+            && found[*place].abs() >= Doubt::MAX_SIGMAS * sigma(*place)
+    };
+    let describe = |place: usize| {
+        let (factor, unit) = match place % 6 {
+            0..3 => (1e3, " mm"),
+            _ => (1f64.to_degrees(), "°"),
+        };
+        format!(
+            "{} of `{}` is off by {:+.2} ± {:.2}{unit}",
+            PARAMETER_NAMES[place % 6],
+            fixed[place / 6].name,
+            -found[place] * factor,
+            sigma(place) * factor,
+        )
+    };
+    (0..found.len()).filter(is_off).map(describe).collect()
 }

@@ -36,7 +36,7 @@ pub fn adjust(
     };
     let most = highest(input, settings).max(least);
     let mut sorted = None;
-    let mut at = |rung: Rung, may_climb: bool| {
+    let mut at = |input: &JointInput<'_>, rung: Rung, may_climb: bool| {
         at_rung(
             input,
             settings,
@@ -50,14 +50,14 @@ pub fn adjust(
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
     let mut joint = loop {
         let next = rung.next().filter(|next| *next <= most);
-        let outcome = match (at(rung, next.is_some()), ladder.pop()) {
+        let outcome = match (at(input, rung, next.is_some()), ladder.pop()) {
             (Err(Error::Cancelled), _) => return Err(Error::Cancelled),
             // The rung below was contradicted, but could at least be adjusted.
             (Err(error), Some(below)) => {
                 let name = rung.name();
                 progress.say(&format!("{name} mountings cannot be adjusted: {error}"));
                 rung = below.rung;
-                match at(rung, false)? {
+                match at(input, rung, false)? {
                     Outcome::Found(joint) => break *joint,
                     contradicted => contradicted,
                 }
@@ -72,7 +72,7 @@ pub fn adjust(
             Outcome::Contradicted(reasons) => reasons.clone(),
         };
         if ladder.is_empty() && !reasons.is_empty() {
-            fixed::check(input, settings, surfel_m, rung, progress)?;
+            fixed::check(input, |freed| at(freed, rung, false))?;
         }
         match (outcome, next) {
             (_, Some(next)) if !reasons.is_empty() => {

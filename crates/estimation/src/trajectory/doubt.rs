@@ -7,9 +7,7 @@ use super::solution::{EstimatedConstant, Solution};
 use crate::geometry::heading::wrap;
 use std::ops::RangeInclusive;
 
-/// A constant is doubted where the drive finds it off by more standard deviations than this.
-const MAX_SIGMAS: f64 = 5.0;
-/// And by more than a careful survey leaves: metres, seconds, radians, m/s².
+/// A constant is doubted where it is off by more than a careful survey leaves: metres, seconds, radians, m/s².
 const LEAST_LEVER_ARM_M: f64 = 0.005;
 const LEAST_LATENCY_S: f64 = 0.003;
 const LEAST_OFFSET_RAD: f64 = 0.002;
@@ -47,6 +45,9 @@ fn deviation(constant: Constant, estimated: &EstimatedConstant) -> f64 {
 }
 
 impl Doubt {
+    /// And by more standard deviations than this.
+    pub const MAX_SIGMAS: f64 = 5.0;
+
     /// The doubt about a constant that was estimated, if it is significantly off and its value is possible.
     pub(super) fn of(
         constant: Constant,
@@ -79,7 +80,7 @@ impl Doubt {
             constant != Constant::Gravity || GRAVITY_M_S2.contains(&estimated.value)
         };
         let is_contradicted =
-            solution.converged && worst > MAX_SIGMAS && values.iter().all(is_possible);
+            solution.converged && worst > Self::MAX_SIGMAS && values.iter().all(is_possible);
         is_contradicted.then_some(Self {
             constant,
             name,

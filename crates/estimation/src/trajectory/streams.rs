@@ -267,7 +267,7 @@ fn ordered<T: Timed + Copy>(
     corrections: &[ClockCorrection],
     dropped: &mut Vec<Rejection>,
 ) -> Vec<Numbered<T>> {
-    let corrected: Vec<T> = records
+    let corrected: Vec<Numbered<T>> = records
         .iter()
         .enumerate()
         .map(|(record, value)| {
@@ -278,30 +278,19 @@ fn ordered<T: Timed + Copy>(
                 .map(|c| c.shift_s)
                 .sum();
             *value.time_s_mut() += shift;
-            value
+            Numbered { record, value }
         })
         .collect();
-    let times: Vec<f64> = corrected.iter().map(Timed::time_s).collect();
+    let times: Vec<f64> = corrected.iter().map(|r| r.value.time_s()).collect();
     let increasing = longest_increasing(&times);
     let mut next = increasing.iter().copied().peekable();
-    for (record, time_s) in times.iter().enumerate() {
-        if next.next_if_eq(&record).is_none() {
-            dropped.push(Rejection {
-                sensor: names.sensor(stream),
-                record: record + 1,
-                time_s: *time_s,
-                reason: RejectionReason::TimeOrder,
-                normalised: None,
-            });
+    for record in &corrected {
+        if next.next_if_eq(&record.record).is_none() {
+            dropped.push(names.rejection(stream, record, RejectionReason::TimeOrder));
         }
     }
-    increasing
-        .iter()
-        .map(|&record| Numbered {
-            record,
-            value: corrected[record],
-        })
-        .collect()
+    let kept = increasing.iter().map(|&record| corrected[record]);
+    kept.collect()
 }
 
 /// The fixes that were measured, and those that repeat the one before, or zeros. Positions with few digits repeat too: all

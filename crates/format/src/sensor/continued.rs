@@ -13,8 +13,7 @@ const LONGEST_PAUSE_S: f64 = 600.0;
 pub struct Continued {
     /// As written.
     last_s: f64,
-    /// The latest time, continued.
-    latest_s: f64,
+    /// What is added to it.
     added_s: f64,
 }
 
@@ -22,7 +21,6 @@ impl Default for Continued {
     fn default() -> Self {
         Self {
             last_s: f64::NEG_INFINITY,
-            latest_s: f64::NEG_INFINITY,
             added_s: 0.0,
         }
     }
@@ -51,11 +49,11 @@ impl Continued {
     /// # Errors
     /// It is earlier: what was found, in words.
     pub fn in_order(&mut self, time_s: f64) -> Result<f64, String> {
+        let before_s = self.last_s + self.added_s;
         let continued_s = self.at(time_s);
-        if continued_s < self.latest_s {
-            return Err(format!("time {continued_s} s after {} s", self.latest_s));
+        if continued_s < before_s {
+            return Err(format!("time {continued_s} s after {before_s} s"));
         }
-        self.latest_s = continued_s;
         Ok(continued_s)
     }
 

@@ -21,9 +21,8 @@ pub struct Written {
     #[serde(default)]
     pub frame: Frame,
     /// The IMU. With `[prism]` or `[gnss]`, and optionally `[heading]`, the trajectory is estimated from its log. The
-    /// defaults of its noise are those of an SBG Ellipse-D. A sample is the mean over the
-    /// interval from its time to that of the next one; if the times are those of the ends, subtract an interval with
-    /// `time_offset_s`.
+    /// defaults of its noise are those of an SBG Ellipse-D. A sample is the mean over the interval from its time to that of
+    /// the next one; if the times are those of the ends, subtract an interval with `time_offset_s`.
     pub imu: Option<Imu>,
     /// A prism that a total station tracks.
     #[serde(default, skip_serializing_if = "Tables::is_empty")]

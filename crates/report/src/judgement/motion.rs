@@ -113,12 +113,17 @@ fn assumed(joint: &Joint) -> String {
     }
 }
 
+/// The lengths of both parts of a step (δφ, δp), radians and metres.
+fn lengths(step: &[f64; 6]) -> [f64; 2] {
+    [&step[..3], &step[3..]].map(|part| Vec3::from_column_slice(part).norm())
+}
+
 /// A verdict for each jump of the mountings.
 fn jumps(joint: &Joint) -> Vec<Verdict> {
     let drives = joint.drives.iter();
     let jumps = drives.flat_map(|drive| drive.jumps.iter().map(move |jump| (drive, jump)));
     let verdicts = jumps.map(|(drive, jump)| {
-        let [turn, shift] = [&jump.step[..3], &jump.step[3..]].map(Vec3::from_column_slice);
+        let [turn_rad, shift_m] = lengths(&jump.step);
         let [from_s, to_s] = jump.between_s;
         let of_drive = match joint.drives.len() {
             1 => String::new(),
@@ -128,10 +133,10 @@ fn jumps(joint: &Joint) -> Vec<Verdict> {
             "Scanner {} moved all at once, between {from_s:.1} s and {to_s:.1} s{of_drive}, by {} and {:.3}°: was it \
              touched? Its mounting is the one before; mounting.csv has both.",
             joint.mountings[jump.scanner].name,
-            number::length(shift.norm()),
-            turn.norm().to_degrees(),
+            number::length(shift_m),
+            turn_rad.to_degrees(),
         );
-        Verdict::care("mounting.jump", text).with_value(shift.norm(), None)
+        Verdict::care("mounting.jump", text).with_value(shift_m, None)
     });
     verdicts.collect()
 }
@@ -172,22 +177,19 @@ fn disagreeing(joint: &Joint) -> Vec<Verdict> {
         let drives = joint.drives.iter();
         let stays = drives.filter_map(|d| Some((&d.name, Stay::of(d.bending.get(scanner)?))));
         let stays: Vec<(&String, Stay)> = stays.collect();
-        for pair in stays.windows(2) {
-            let [(before, first), (after, second)] = pair else {
-                continue;
-            };
+        for ((before, first), (after, second)) in stays.iter().zip(stays.iter().skip(1)) {
             let Some(step) = first.step_to(second) else {
                 continue;
             };
-            let [turn, shift] = [&step[..3], &step[3..]].map(Vec3::from_column_slice);
+            let [turn_rad, shift_m] = lengths(&step);
             let text = format!(
                 "The drives disagree about {}: from {before} to {after} its mounting differs by {} and {:.3}°, far more \
                  than it moves within them. Was it touched between them? Calibrate these drives apart.",
                 mounting.name,
-                number::length(shift.norm()),
-                turn.norm().to_degrees(),
+                number::length(shift_m),
+                turn_rad.to_degrees(),
             );
-            verdicts.push(Verdict::care("mounting.drives", text).with_value(shift.norm(), None));
+            verdicts.push(Verdict::care("mounting.drives", text).with_value(shift_m, None));
         }
     }
     verdicts

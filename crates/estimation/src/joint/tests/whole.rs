@@ -5,6 +5,7 @@ use crate::adjustment::{StopReason, levenberg_marquardt};
 use crate::calibration::Mounting;
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Vec3};
+use crate::joint::adjust::at_rung;
 use crate::joint::rounds::DAMPING;
 use crate::joint::{Joint, JointInput, Rung, adjust, fixed};
 use crate::progress::Silent;
@@ -15,6 +16,17 @@ fn adjusted(case: &Case) -> Joint {
     // These mountings are rigid.
     assert!(joint.ladder.is_empty(), "{:#?}", joint.ladder);
     joint
+}
+
+/// Logs, and a reference without errors of its own.
+fn on_exact_reference() -> Case {
+    let mut case = Case {
+        reference: Case::full().reference,
+        ..Case::plain()
+    };
+    let reference = &mut case.settings.reference;
+    (reference.shift_m, reference.tilt_rad) = (0.0, 0.0);
+    case
 }
 
 /// Errors (δp, δφ) of a scanner with their standard deviations.
@@ -32,14 +44,7 @@ fn errors(joint: &Joint, truth: &[Mounting], scanner: usize) -> [(f64, f64); 6] 
 #[test]
 fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
     // In three seconds of data, a free lever arm would shift the mountings, and a free reference the world.
-    let mut logs = Case {
-        reference: Case::full().reference,
-        ..Case::plain()
-    };
-    (
-        logs.settings.reference.shift_m,
-        logs.settings.reference.tilt_rad,
-    ) = (0.0, 0.0);
+    let logs = on_exact_reference();
     for (name, case) in [("logs", logs), ("poses from a file", Case::from_file())] {
         let joint = adjusted(&case);
         println!("{name}: {} after {}", joint.stop, joint.iterations);
@@ -109,18 +114,14 @@ fn what_nothing_determines_is_held_at_its_initial_value() {
 
 #[test]
 fn a_fixed_value_that_the_drive_contradicts_is_named() {
-    let mut case = Case {
-        reference: Case::full().reference,
-        ..Case::plain()
-    };
-    (
-        case.settings.reference.shift_m,
-        case.settings.reference.tilt_rad,
-    ) = (0.0, 0.0);
+    let mut case = on_exact_reference();
     case.mountings[0].fixed[0] = true;
     let check = |case: &Case| {
-        let (input, settings) = (case.input(), &case.settings);
-        fixed::check(&input, settings, SURFEL_M, Rung::Rigid, &Silent)
+        let at_lowest = |input: &JointInput<'_>| {
+            let (settings, rung) = (&case.settings, Rung::Rigid);
+            at_rung(input, settings, SURFEL_M, rung, false, &mut None, &Silent)
+        };
+        fixed::check(&case.input(), at_lowest)
     };
     check(&case).expect("the true value");
     case.mountings[0].body_from_scanner.translation_m.x += 0.03;
