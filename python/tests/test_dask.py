@@ -59,6 +59,7 @@ def check(found, by_pool):
     assert "out of memory" in found._repr_html_()
 
 
+@pytest.mark.long
 def test_the_bytes_are_those_of_the_pool(client, made, by_pool, tmp_path):
     told = []
     found = boresight.dask.campaign(
