@@ -237,8 +237,8 @@ impl Patch {
             let mut row = DVector::zeros(mean.len());
             if let Some(scanner) = members.scanner {
                 let points = members.points.iter();
-                let rows = points.map(|&p| cloud.rows(placed, p as usize, &self.normal));
-                let sum: Vector6<f64> = rows.map(|rows| derivative(&rows)).sum();
+                let rows = points.map(|&p| cloud.mounting_row(placed, p as usize, &self.normal));
+                let sum: Vector6<f64> = rows.map(|row| derivative(&row)).sum();
                 row.fixed_rows_mut::<6>(6 * scanner)
                     .copy_from(&(sum / members.points.len() as f64));
             }

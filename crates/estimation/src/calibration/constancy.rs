@@ -219,7 +219,7 @@ impl Residual {
         let shape = StructureTensor::of(&placed.world, &reference);
         let normal = upward_normal(&shape)?;
         let sigma = trajectory.poses()[node].sigma?;
-        let by_pose = surface.rows(centre, &normal).by_pose;
+        let by_pose = surface.pose_row(centre, &normal);
         // Standard deviations of rotations are about world axes.
         let moment = profile.rotation * by_pose.rotation;
         Some(Self {

@@ -33,7 +33,7 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
-use crate::surface::{Plane, PointRows, Surface};
+use crate::surface::{Plane, Row, Surface};
 
 /// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not
 /// depend on the number of threads.
@@ -84,10 +84,10 @@ pub fn weight(plane: &Plane, floor_m: f64, k: usize) -> f64 {
     2.0 / (variance(plane, floor_m) * k as f64)
 }
 
-/// a = ∂(n·x)/∂θ of a point in the order of the parameters, (δp, δφ).
+/// a = ∂(n·x)/∂θ of a point in the order of the parameters, (δp, δφ), from its row by the mounting.
 #[inline]
-pub fn derivative(rows: &PointRows) -> Vector6<f64> {
-    let (shift, turn) = (&rows.by_mounting.translation, &rows.by_mounting.rotation);
+pub fn derivative(row: &Row) -> Vector6<f64> {
+    let (shift, turn) = (&row.translation, &row.rotation);
     Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z)
 }
 
@@ -150,7 +150,7 @@ impl Sums {
                 continue;
             };
             let scanner = cloud.profile(point).scanner as usize;
-            let derivative = derivative(&surface.rows(member, &plane.normal));
+            let derivative = derivative(&surface.mounting_row(member, &plane.normal));
             let weighted = derivative * weight;
             let block = &mut self.diagonal_blocks[scanner];
             for column in 0..6 {

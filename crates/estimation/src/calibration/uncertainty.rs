@@ -51,8 +51,9 @@ impl<'a> Sensitivity<'a> {
                 let mut means = vec![Vector6::zeros(); cloud.scanners];
                 for &member in surface.neighbourhoods.members(index) {
                     if let Some(point) = cloud.movable.get(member as usize) {
-                        let rows = surface.rows(member as usize, &surface.planes[index].normal);
-                        means[cloud.profile(point).scanner as usize] += derivative(&rows);
+                        let normal = &surface.planes[index].normal;
+                        let row = surface.mounting_row(member as usize, normal);
+                        means[cloud.profile(point).scanner as usize] += derivative(&row);
                     }
                 }
                 means.into_iter().map(move |sum| sum / k as f64)
@@ -81,7 +82,7 @@ impl<'a> Sensitivity<'a> {
             let means = &self.means[cloud.scanners * index..];
             for (scanner, (gradient, mean)) in gradients.iter_mut().zip(means).enumerate() {
                 let a = if scanner == own_scanner {
-                    derivative(&self.surface.rows(l, normal))
+                    derivative(&self.surface.mounting_row(l, normal))
                 } else {
                     Vector6::zeros()
                 };
@@ -121,7 +122,7 @@ impl Part {
                 part.add_scatter(&gradients, variances[l]);
                 let directions = gradients.iter().flat_map(|rows| rows.row_iter());
                 for (sums, direction) in by_pose.chunks_exact_mut(6).zip(directions) {
-                    let row = surface.rows(l, &direction.transpose()).by_pose;
+                    let row = surface.pose_row(l, &direction.transpose());
                     for axis in 0..3 {
                         sums[axis] += row.rotation[axis];
                         sums[3 + axis] += row.translation[axis];
@@ -295,7 +296,7 @@ mod tests {
                 let Some(point) = cloud.movable.get(member as usize) else {
                     continue;
                 };
-                let a = derivative(&surface.rows(member as usize, &plane.normal));
+                let a = derivative(&surface.mounting_row(member as usize, &plane.normal));
                 let distance = plane.normal.dot(&(world[member as usize] - mean));
                 let scanner = cloud.profile(point).scanner as usize;
                 let mut rows = gradient.rows_mut(6 * scanner, 6);

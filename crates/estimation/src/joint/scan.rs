@@ -5,7 +5,7 @@ use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
 use crate::calibration::ScannerSample;
-use crate::geometry::{BodyFromScanner, Mat3, Vec3, bent};
+use crate::geometry::{BodyFromScanner, Mat3, Vec3, bent, product, transposed_product};
 
 /// Inputs of the scan factors of a drive, besides the motion.
 pub struct ScanContext<'a> {
@@ -100,17 +100,18 @@ struct Profile {
 impl Profile {
     /// The number of laser points that these points of the profile represent, and the sum of their arms R_bs x_s, body.
     fn arms(&self, points: &[RowPoint]) -> (f64, Vec3) {
-        let mut arms = Vec3::zeros();
+        let (mut count, mut sum) = (0.0, Vec3::zeros());
         for point in points {
-            arms += self.scanner_rotation * point.position_m * point.weight;
+            count += point.weight;
+            sum += point.position_m * point.weight;
         }
-        (points.iter().map(|point| point.weight).sum(), arms)
+        (count, product(&self.scanner_rotation, &sum))
     }
 
     /// The sum of `n` points relative to `origin_m`, world, given the sum of their arms.
     fn placed(&self, n: f64, arms: &Vec3, origin_m: &Vec3) -> Vec3 {
         let levers = arms + self.scanner_translation_m * n;
-        self.rotation * levers + (self.translation_m - origin_m) * n
+        product(&self.rotation, &levers) + (self.translation_m - origin_m) * n
     }
 }
 
@@ -220,8 +221,9 @@ impl<'a> StepScans<'a> {
     pub fn first_point_m(&self, row: &ScanRow) -> Vec3 {
         let point = &self.context.rows.points_of(row)[0];
         let from = self.profile(row.scanner as usize, point.profile);
-        let in_body = from.scanner_rotation * point.position_m + from.scanner_translation_m;
-        from.translation_m + from.rotation * in_body
+        let in_body =
+            product(&from.scanner_rotation, &point.position_m) + from.scanner_translation_m;
+        from.translation_m + product(&from.rotation, &in_body)
     }
 
     /// The residual of a row as in [`Self::mean`], without derivatives, metres.
@@ -240,7 +242,7 @@ impl<'a> StepScans<'a> {
         let (mean, arm) = (sum / count, arms / count);
         let residual_m = self.height_m(row, &mean);
         let pose = self.profile(scanner, points[points.len() / 2].profile);
-        let now_m = pose.rotation.tr_mul(&surfel.axes[0]).dot(&arm);
+        let now_m = transposed_product(&pose.rotation, &surfel.axes[0]).dot(&arm);
         if is_scaled(row.depth_m, now_m) {
             residual_m * (row.depth_m / now_m)
         } else {
@@ -272,7 +274,7 @@ impl<'a> StepScans<'a> {
         row_mean.by_shape = [-1.0, -u, -v];
         // The pose of the middle profile is enough for the derivative of the depth, the factor of a small residual.
         let pose = self.profile(scanner, points[points.len() / 2].profile);
-        let in_body = pose.rotation.tr_mul(normal);
+        let in_body = transposed_product(&pose.rotation, normal);
         row_mean.depth_m = in_body.dot(&arm);
         if is_scaled(row.depth_m, row_mean.depth_m) {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
@@ -304,7 +306,7 @@ impl<'a> StepScans<'a> {
         let mut times_s = 0.0;
         for group in points.chunk_by(|a, b| a.profile == b.profile) {
             let pose = self.profile(scanner, group[0].profile);
-            let in_body = pose.rotation.tr_mul(direction);
+            let in_body = transposed_product(&pose.rotation, direction);
             // All sums are linear in the points of one profile.
             let (n, arms) = pose.arms(group);
             times_s += pose.time_s * n;

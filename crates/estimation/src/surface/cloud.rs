@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::profile::{Profile, ProfilePoint};
-use super::rows::PointRows;
-use crate::geometry::{BodyFromScanner, Mat3, Vec3};
+use super::rows::Row;
+use crate::geometry::{BodyFromScanner, Mat3, Vec3, product};
 
 /// A profile of one of several scanners, with its pose as a rotation matrix and a translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +62,7 @@ impl Mounted {
     /// R_bs x_s.
     #[inline]
     fn arm(&self, point: &ProfilePoint) -> Vec3 {
-        self.rotation * point.position_m
+        product(&self.rotation, &point.position_m)
     }
 
     /// t_bs + R_bs x_s.
@@ -137,7 +137,7 @@ impl SurfaceCloud {
         let place = |point: &ProfilePoint| {
             let profile = self.profile(point);
             let lever = mountings[profile.scanner as usize].lever(point);
-            profile.translation_m + profile.rotation * lever
+            profile.translation_m + product(&profile.rotation, &lever)
         };
         let mut world = Vec::with_capacity(self.movable.len() + self.fixed.len());
         self.movable
@@ -148,16 +148,21 @@ impl SurfaceCloud {
         Placed { world, mountings }
     }
 
-    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose
-    /// and its mounting.
-    #[inline]
-    pub(crate) fn rows(&self, placed: &Placed, index: usize, direction: &Vec3) -> PointRows {
+    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose.
+    pub(crate) fn pose_row(&self, placed: &Placed, index: usize, direction: &Vec3) -> Row {
         let point = &self.movable[index];
         let profile = self.profile(point);
-        let mounting = &placed.mountings[profile.scanner as usize];
-        let arm = mounting.arm(point);
-        let lever = mounting.translation_m + arm;
-        PointRows::along(direction, &profile.rotation, &lever, &arm)
+        let lever = placed.mountings[profile.scanner as usize].lever(point);
+        Row::by_pose(direction, &profile.rotation, &lever)
+    }
+
+    /// Those by its mounting.
+    #[inline]
+    pub(crate) fn mounting_row(&self, placed: &Placed, index: usize, direction: &Vec3) -> Row {
+        let point = &self.movable[index];
+        let profile = self.profile(point);
+        let arm = placed.mountings[profile.scanner as usize].arm(point);
+        Row::by_mounting(direction, &profile.rotation, &arm)
     }
 
     /// Largest displacement of a point between two sets of mountings, metres; it does not depend on

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::cloud::{Placed, SurfaceCloud};
 use super::neighbourhoods::Neighbourhoods;
 use super::plane::Plane;
-use super::rows::PointRows;
+use super::rows::Row;
 use crate::geometry::{BodyFromScanner, Vec3};
 
 /// The planes of neighbourhoods for given mountings. Points and neighbourhoods are shared between
@@ -63,10 +63,14 @@ impl Surface {
         }
     }
 
-    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose
-    /// and its mounting.
+    /// Derivatives of the coordinate of movable point `index` along `direction` (world axes) by its pose.
+    pub fn pose_row(&self, index: usize, direction: &Vec3) -> Row {
+        self.cloud.pose_row(&self.placed, index, direction)
+    }
+
+    /// Those by its mounting.
     #[inline]
-    pub fn rows(&self, index: usize, direction: &Vec3) -> PointRows {
-        self.cloud.rows(&self.placed, index, direction)
+    pub fn mounting_row(&self, index: usize, direction: &Vec3) -> Row {
+        self.cloud.mounting_row(&self.placed, index, direction)
     }
 }

@@ -16,4 +16,4 @@ pub use fitted::Surface;
 pub use neighbourhoods::{Memberships, Neighbourhoods};
 pub use plane::Plane;
 pub use profile::{Profile, ProfilePoint};
-pub use rows::{PointRows, Row};
+pub use rows::Row;

@@ -1,7 +1,7 @@
 //! Rows of Jacobians: derivatives of a point's coordinate along a direction by pose and by
 //! mounting.
 
-use crate::geometry::{Mat3, Vec3};
+use crate::geometry::{Mat3, Vec3, transposed_product};
 
 /// Derivative of a distance by the [perturbation](crate::geometry::Transform#perturbations)
 /// (δφ, δp) of a transform.
@@ -13,35 +13,34 @@ pub struct Row {
     pub translation: Vec3,
 }
 
-/// Derivatives of n·x_m for one point x_m = t_mb + R_mb (t_bs + R_bs x_s), n fixed in the world.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointRows {
-    /// Derivatives by the pose `world_from_body`.
-    pub by_pose: Row,
-    /// Derivatives by the mounting `body_from_scanner`.
-    pub by_mounting: Row,
-}
-
-impl PointRows {
-    /// The rows along n = `direction` (world axes, of any length):
+impl Row {
+    /// The derivatives of n·x_m by the pose `world_from_body`, for one point x_m = t_mb + R_mb (t_bs + R_bs x_s) and n =
+    /// `direction`, fixed in the world, of any length:
     ///
-    /// n·∂x_m = n·δp_mb + (l × m)·δφ_mb + m·δp_bs + (a × m)·δφ_bs with m = R_mbᵀ n,
+    /// n·∂x_m = n·δp_mb + (l × m)·δφ_mb with m = R_mbᵀ n,
     ///
-    /// where l = t_bs + R_bs x_s is the point in the body frame (`lever_m`) and a = R_bs x_s
-    /// (`arm_m`). Both rows are linear in l and a, so the rows of a mean of points are the mean of
-    /// their rows.
+    /// where l = t_bs + R_bs x_s is the point in the body frame (`lever_m`). The row is linear in l, so that of a mean of
+    /// points is the mean of their rows.
     #[inline]
-    pub fn along(direction: &Vec3, world_from_body: &Mat3, lever_m: &Vec3, arm_m: &Vec3) -> Self {
-        let in_body = world_from_body.tr_mul(direction);
+    pub fn by_pose(direction: &Vec3, world_from_body: &Mat3, lever_m: &Vec3) -> Self {
+        let in_body = transposed_product(world_from_body, direction);
         Self {
-            by_pose: Row {
-                rotation: lever_m.cross(&in_body),
-                translation: *direction,
-            },
-            by_mounting: Row {
-                rotation: arm_m.cross(&in_body),
-                translation: in_body,
-            },
+            rotation: lever_m.cross(&in_body),
+            translation: *direction,
+        }
+    }
+
+    /// Those by the mounting `body_from_scanner`:
+    ///
+    /// n·∂x_m = m·δp_bs + (a × m)·δφ_bs with m = R_mbᵀ n,
+    ///
+    /// where a = R_bs x_s (`arm_m`), in which the row is linear.
+    #[inline]
+    pub fn by_mounting(direction: &Vec3, world_from_body: &Mat3, arm_m: &Vec3) -> Self {
+        let in_body = transposed_product(world_from_body, direction);
+        Self {
+            rotation: arm_m.cross(&in_body),
+            translation: in_body,
         }
     }
 }
@@ -64,7 +63,8 @@ mod tests {
         let (x, normal) = (Vec3::new(0.2, 0.1, -1.1), Vec3::new(0.48, -0.64, 0.6));
         let rotation = pose.rotation.to_rotation_matrix();
         let arm = mounting.rotation * x;
-        let rows = PointRows::along(&normal, rotation.matrix(), &mounting.map(&x), &arm);
+        let row_by_pose = Row::by_pose(&normal, rotation.matrix(), &mounting.map(&x));
+        let row_by_mounting = Row::by_mounting(&normal, rotation.matrix(), &arm);
         // Central differences of 1e-6 carry an error of about 1e-10.
         let h = 1e-6;
         for axis in 0..3 {
@@ -82,8 +82,8 @@ mod tests {
                     .dot(&normal)
             };
             for (row, moved) in [
-                (&rows.by_pose, &by_pose as &dyn Fn(Vec3, Vec3) -> f64),
-                (&rows.by_mounting, &by_mounting),
+                (row_by_pose, &by_pose as &dyn Fn(Vec3, Vec3) -> f64),
+                (row_by_mounting, &by_mounting),
             ] {
                 let turned = (moved(d, zero) - moved(-d, zero)) / (2.0 * h);
                 let shifted = (moved(zero, d) - moved(zero, -d)) / (2.0 * h);
