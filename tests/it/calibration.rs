@@ -85,10 +85,10 @@ fn assert_errors_match_sigmas(drive: &DemoDrive, calibration: &Calibration, labe
     assert_eq!(minimum.back, minimum.starts, "{label}");
 }
 
-/// Started with the scanners exchanged, the calibration ends in one of many minima.
+/// Started with the scanners exchanged, the calibration reaches no minimum, or one of several.
 #[test]
 #[ignore = "just acceptance"]
-fn a_possibly_wrong_minimum_has_no_standard_deviations() {
+fn what_may_be_no_minimum_has_no_standard_deviations() {
     let case = case();
     let mut project = case.project.clone();
     let [left, right] = project.scanners.as_mut_slice() else {
@@ -97,7 +97,7 @@ fn a_possibly_wrong_minimum_has_no_standard_deviations() {
     std::mem::swap(&mut left.body_from_scanner, &mut right.body_from_scanner);
     project.calibration.voxel_sizes_m = vec![0.05];
     let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
-    assert!(calibration.minimum.unwrap().alternative.is_some());
+    assert!(!calibration.converged || calibration.minimum.unwrap().is_doubtful());
     assert!(calibration.covariance.is_none());
 }
 

@@ -136,10 +136,12 @@ pub fn calibrate(
             Minimum::test(input, &solved.state.mountings, settings, progress)?
         }
     };
-    // The standard deviations of a minimum that may be the wrong one are meaningless, and the paper's
-    // method has none.
+    // Standard deviations belong to a minimum that was reached and is not one of several; the paper's method has none.
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
-    let has_covariance = settings.method != Method::Paper && !is_doubtful;
+    let is_reached = scales
+        .last()
+        .is_some_and(|scale| scale.ending.is_converged());
+    let has_covariance = settings.method != Method::Paper && is_reached && !is_doubtful;
     Ok(Calibration {
         method: settings.method,
         converged: scales.iter().all(|scale| scale.ending.is_converged()),
