@@ -489,7 +489,7 @@ impl Dense {
 /// Residuals of all rows.
 pub fn residuals(problem: &JointProblem<'_>, state: &State) -> DVector<f64> {
     let mut all = Vec::new();
-    problem.visit(state, |batch| {
+    problem.visit_residuals(state, |batch| {
         all.extend(batch.rows().map(|row| row.residual))
     });
     DVector::from_vec(all)
