@@ -26,7 +26,7 @@ fn differences(problem: &JointProblem<'_>, state: &State, unknown: usize) -> DVe
 /// block.
 fn is_compared(kind: &str, block: usize, component: usize) -> bool {
     let is_frequent = ["node", "bias", "correction", "surfel"].contains(&kind);
-    !is_frequent || (block + component) % 3 == 0
+    !is_frequent || (block + component).is_multiple_of(3)
 }
 
 /// The kind of unknowns of a block.
