@@ -117,6 +117,24 @@ impl<'a> Profiler<'a> {
             .collect()
     }
 
+    /// The range beyond an edge beside ray `k`, whose light mixes with that of the ray: of a neighbour whose range differs
+    /// by more than `edge_m`, and so much that a surface through both points would be seen beyond the grazing angle. Where
+    /// rays are far apart, ranges also differ on ground without an edge.
+    fn across_edge(&self, ideal: &[Option<Ray>], k: usize) -> Option<f64> {
+        let settings = &self.scenario.profiles;
+        let (here, direction) = (ideal[k].as_ref()?, &self.rays[k]);
+        let grazing = settings.grazing_deg.to_radians().tan();
+        [k.wrapping_sub(1), k + 1].into_iter().find_map(|n| {
+            let other = ideal.get(n)?.as_ref()?;
+            let differ_m = (other.hit.range_m - here.hit.range_m).abs();
+            let between = other.point_m - here.point_m;
+            let along_m = between.dot(direction);
+            let across_m = (between - direction * along_m).norm();
+            let is_edge = differ_m > settings.edge_m && along_m.abs() > grazing * across_m;
+            is_edge.then_some(other.hit.range_m)
+        })
+    }
+
     /// The profile as recorded.
     pub fn profile(&self, scanner: usize, index: usize) -> Profile {
         let settings = &self.scenario.profiles;
@@ -126,13 +144,6 @@ impl<'a> Profiler<'a> {
         let [near, far] = settings.range_m;
         let [lost, flying] = settings.edge_lost_flying;
         let least_cosine = settings.grazing_deg.to_radians().cos();
-        // The nearer neighbour at an edge, whose light mixes with this ray's.
-        let across_edge = |k: usize, range: f64| {
-            [k.wrapping_sub(1), k + 1]
-                .into_iter()
-                .filter_map(|n| ideal.get(n)?.as_ref().map(|ray| ray.hit.range_m))
-                .find(|other| (other - range).abs() > settings.edge_m)
-        };
         let step_m = settings.step_m;
         let round = |x: f64| {
             if step_m > 0.0 {
@@ -154,7 +165,7 @@ impl<'a> Profiler<'a> {
                     return None;
                 }
                 let mut measured = range;
-                if let Some(other) = across_edge(k, range) {
+                if let Some(other) = self.across_edge(&ideal, k) {
                     if chance < lost {
                         return None;
                     } else if chance < lost + flying {
@@ -221,10 +232,7 @@ mod tests {
                         assert_eq!(*point, None);
                         continue;
                     }
-                    let range = |n: usize| Some(ideal.get(n)?.as_ref()?.hit.range_m);
-                    let is_edge = [k.wrapping_sub(1), k + 1].into_iter().any(|n| {
-                        range(n).is_some_and(|r| (r - ray.hit.range_m).abs() > settings.edge_m)
-                    });
+                    let is_edge = profiler.across_edge(&ideal, k).is_some();
                     let error = point.map(|(x, z, _)| x.hypot(z) - ray.hit.range_m);
                     if is_edge {
                         edges += 1.0;
@@ -251,5 +259,27 @@ mod tests {
         assert!(within(lost_edges, edges, settings.edge_lost_flying[0]));
         // Few of the flying points stay within 3 mm of the surface.
         assert!(flying > 0.05 * edges && flying < 0.15 * edges);
+    }
+
+    /// Rays 2° apart differ by more than `edge_m` in range where they meet ground at 60° or more.
+    #[test]
+    fn ground_has_no_edges_however_far_apart_rays_are() {
+        let mut scenario = Scenario::plain();
+        scenario.plants.count_per_m2 = 0.0;
+        scenario.profiles.width = 30;
+        let scene = Scene::new(&scenario);
+        let drive = Drive::new(&scenario, &scene, 0, 0.0);
+        let profiler = Profiler::new(&scenario, &scene, &drive, 0);
+        let (mut differ, mut edges) = (0, 0);
+        for index in (0..profiler.count()).step_by(50) {
+            let ideal = profiler.ideal(0, index);
+            for (k, pair) in ideal.windows(2).enumerate() {
+                let [Some(a), Some(b)] = pair else { continue };
+                let apart_m = (a.hit.range_m - b.hit.range_m).abs();
+                differ += usize::from(apart_m > scenario.profiles.edge_m);
+                edges += usize::from(profiler.across_edge(&ideal, k).is_some());
+            }
+        }
+        assert!(differ > 50 && edges == 0, "{differ} differ, {edges} edges");
     }
 }

@@ -105,7 +105,8 @@ pub struct ProfileSettings {
     pub grazing_deg: f64,
     /// Share of points lost at random.
     pub dropout: f64,
-    /// Difference of neighbouring ranges above which they form an edge, metres.
+    /// Difference of neighbouring ranges above which they form an edge, metres, if a surface through both would be seen
+    /// beyond the grazing angle.
     pub edge_m: f64,
     /// Share of points at edges that are lost, and share that lie between both sides.
     pub edge_lost_flying: [f64; 2],
