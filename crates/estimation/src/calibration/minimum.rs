@@ -44,7 +44,8 @@ pub struct Minimum {
     pub starts: u64,
     /// Number of times that they came back.
     pub back: u64,
-    /// Other mountings at which the coarsest scale fits as well, if there are any that the initial values allow.
+    /// Other mountings that fit as well at the coarsest scale and at the scales that follow from there, if there are any
+    /// that the initial values allow.
     pub alternative: Option<Vec<Mounting>>,
 }
 
@@ -97,13 +98,6 @@ impl Minimum {
         // All axes are moved at once.
         let shift_m = voxel_m.min(Reach::ROUGH.shift_m / 3f64.sqrt());
         let turn_rad = (voxel_m / range_m).min(Reach::ROUGH.turn_rad / 3f64.sqrt());
-        let is_possible = |state: &State| {
-            let mut pairs = state.mountings.iter().zip(&input.mountings);
-            pairs.all(|(end, initial)| {
-                let (end, initial) = (&end.body_from_scanner, &initial.body_from_scanner);
-                !Reach::WRONG.is_exceeded(&end.perturbation_from(initial))
-            })
-        };
         let determined = Observability::new(&nearest_minimum.equations, &nearest_minimum.mountings)
             .determined(&nearest_minimum.mountings);
         let mut minimum = Self {
@@ -126,20 +120,98 @@ impl Minimum {
                 .largest_displacement(&poses(&nearest_minimum.mountings), &poses(&end.mountings));
             if apart_m < SAME_SHARE * voxel_m {
                 minimum.back += 1;
-            } else if is_possible(&end) && fits_as_well(&end, &nearest_minimum, voxel_m) {
+            } else if is_possible(&input.mountings, &end)
+                && fits_as_well(&end, &nearest_minimum, voxel_m)
+            {
                 minimum.alternative = Some(end.mountings);
             }
         }
         Ok(Some(minimum))
     }
+
+    /// Drops the alternative if the finer scales, which have led to `end` from there, bring it back to the `solution` of
+    /// the finest scale, or fit worse: along directions that the coarsest scale hardly determines, it ends far away at
+    /// nearly the same cost.
+    pub(super) fn refined(
+        mut self,
+        initial: &[Mounting],
+        solution: &State,
+        end: State,
+        voxel_m: f64,
+    ) -> Self {
+        let [from, to] = [solution, &end].map(|state| poses(&state.mountings));
+        let apart_m = solution.surface.cloud.largest_displacement(&from, &to);
+        let is_back = apart_m < SAME_SHARE * voxel_m;
+        self.back += u64::from(is_back);
+        let stays = !is_back && is_possible(initial, &end) && fits_as_well(&end, solution, voxel_m);
+        self.alternative = stays.then_some(end.mountings);
+        self
+    }
 }
 
-/// Whether a state fits as well as another of the same points, and takes up as little space.
+/// Whether the initial values can be as far off as they would be if these mountings were true.
+fn is_possible(initial: &[Mounting], state: &State) -> bool {
+    let mut pairs = state.mountings.iter().zip(initial);
+    pairs.all(|(end, initial)| {
+        let (end, initial) = (&end.body_from_scanner, &initial.body_from_scanner);
+        !Reach::WRONG.is_exceeded(&end.perturbation_from(initial))
+    })
+}
+
+/// Whether a state fits as well as another, and takes up as little space.
 fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
-    let planes = nearest.surface.planes.len() as f64;
+    let mean_cost = |state: &State| state.cost / state.surface.planes.len() as f64;
     let space = |state: &State| {
         let points = state.surface.placed.world.iter().copied();
         occupied(points, voxel_m).len() as f64
     };
-    state.cost < nearest.cost + AS_LOW * planes && space(state) < AS_SMALL * space(nearest)
+    mean_cost(state) < mean_cost(nearest) + AS_LOW && space(state) < AS_SMALL * space(nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::small_case::{FLOOR_M, case};
+
+    /// What remains of an alternative that the finer scales have moved by this many metres along x from the solution, at
+    /// a cost that is higher by `cost` for each neighbourhood.
+    fn refined(shift_m: f64, cost: f64) -> Minimum {
+        let (cloud, mountings) = case();
+        let problem = ScaleProblem {
+            cloud: Arc::new(cloud),
+            voxel_m: 0.5,
+            floor_m: FLOOR_M,
+            k: 20,
+            stride: 1,
+            max_iterations: 30,
+        };
+        let solution = problem.at(mountings.clone());
+        let step = DVector::from_fn(12, |i, _| if i % 6 == 0 { shift_m } else { 0.0 });
+        let planes = solution.surface.planes.len() as f64;
+        let end = State {
+            mountings: moved(&mountings, &step),
+            cost: solution.cost + cost * planes,
+            ..solution.clone()
+        };
+        let doubtful = Minimum {
+            shift_m: 0.5,
+            turn_rad: 0.1,
+            starts: 4,
+            back: 3,
+            alternative: Some(moved(&mountings, &(step * 2.0))),
+        };
+        doubtful.refined(&mountings, &solution, end, problem.voxel_m)
+    }
+
+    #[test]
+    fn an_alternative_stays_only_if_finer_scales_keep_it_apart_and_fit_as_well_there() {
+        let back = refined(0.2, 0.0);
+        assert!(!back.is_doubtful() && back.back == 4);
+        let worse = refined(0.3, 2.0 * AS_LOW);
+        assert!(!worse.is_doubtful() && worse.back == 3);
+        let apart = refined(0.3, 0.5 * AS_LOW);
+        assert!(apart.is_doubtful() && apart.back == 3);
+        // Farther than wrong initial values.
+        assert!(!refined(3.0, 0.0).is_doubtful());
+    }
 }

@@ -133,7 +133,13 @@ pub fn calibrate(
     let minimum = match settings.method {
         Method::Paper => None,
         Method::TwoStep | Method::Joint => {
-            Minimum::test(input, &solved.state.mountings, settings, progress)?
+            let minimum = Minimum::test(input, &solved.state.mountings, settings, progress)?;
+            match minimum {
+                Some(doubtful) if doubtful.is_doubtful() => {
+                    Some(refined(input, doubtful, &solved, settings, progress)?)
+                }
+                certain => certain,
+            }
         }
     };
     // Standard deviations belong to a minimum that was reached and is not one of several; the paper's method has none.
@@ -155,6 +161,40 @@ pub fn calibrate(
         mountings: solved.state.mountings,
         observability: solved.observability,
         scales,
+    })
+}
+
+/// Follows the alternative of a `doubtful` minimum through the finer scales, as [`calibrate`] did from the start.
+fn refined(
+    input: &Input<'_>,
+    doubtful: Minimum,
+    solved: &Solved,
+    settings: &CalibrationSettings,
+    progress: &dyn Progress,
+) -> Result<Minimum> {
+    let Some(mut begin) = doubtful.alternative.clone() else {
+        return Ok(doubtful);
+    };
+    // Rare, and not among the expected steps.
+    let progress = &Steps::new(progress, 1, 0);
+    let mut finest = None;
+    for &voxel_m in settings.voxel_sizes_m.iter().skip(1) {
+        finest = match solve_scale(input, begin.clone(), voxel_m, settings, progress) {
+            Ok((solved, _)) => {
+                begin.clone_from(&solved.state.mountings);
+                Some((solved.state, voxel_m))
+            }
+            // As in `calibrate`, the next scale begins where this one did.
+            Err(Error::Data {
+                kind: Problem::TooFew,
+                ..
+            }) => None,
+            Err(error) => return Err(error),
+        };
+    }
+    Ok(match finest {
+        Some((end, voxel_m)) => doubtful.refined(&input.mountings, &solved.state, end, voxel_m),
+        None => doubtful,
     })
 }
 
