@@ -58,8 +58,8 @@ impl Minimum {
         self.alternative.is_some()
     }
 
-    /// Moves the `solution` away and lets the coarsest scale bring it back. `None` if the coarsest scale
-    /// has too few points.
+    /// Moves the `solution` away and lets the coarsest scale bring it back; also returns where else it ended at mountings
+    /// that fit as well at this scale, which [`Self::judge`] judges. `None` if the coarsest scale has too few points.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).
@@ -68,7 +68,7 @@ impl Minimum {
         solution: &[Mounting],
         settings: &CalibrationSettings,
         progress: &dyn Progress,
-    ) -> Result<Option<Self>> {
+    ) -> Result<Option<(Self, Vec<Vec<Mounting>>)>> {
         let Some(&voxel_m) = settings.voxel_sizes_m.first() else {
             return Ok(None);
         };
@@ -107,6 +107,7 @@ impl Minimum {
             back: 0,
             alternative: None,
         };
+        let mut others = Vec::new();
         for start in 0..STARTS {
             let entries = 6 * solution.len();
             let away = DVector::from_fn(entries, |i, _| {
@@ -123,29 +124,29 @@ impl Minimum {
             } else if is_possible(&input.mountings, &end)
                 && fits_as_well(&end, &nearest_minimum, voxel_m)
             {
-                minimum.alternative = Some(end.mountings);
+                others.push(end.mountings);
             }
         }
-        Ok(Some(minimum))
+        Ok(Some((minimum, others)))
     }
 
-    /// Drops the alternative if the finer scales, which have led to `end` from there, bring it back to the `solution` of
-    /// the finest scale, or fit worse: along directions that the coarsest scale hardly determines, it ends far away at
-    /// nearly the same cost.
-    pub(super) fn refined(
-        mut self,
+    /// Judges where the finer scales have led from other mountings that fit as well at the coarsest scale: back to the
+    /// `solution` of the finest scale, to mountings that fit worse, or to an alternative. Along directions that the
+    /// coarsest scale hardly determines, it ends far away at nearly the same cost.
+    pub(super) fn judge(
+        &mut self,
         initial: &[Mounting],
         solution: &State,
         end: State,
         voxel_m: f64,
-    ) -> Self {
+    ) {
         let [from, to] = [solution, &end].map(|state| poses(&state.mountings));
         let apart_m = solution.surface.cloud.largest_displacement(&from, &to);
-        let is_back = apart_m < SAME_SHARE * voxel_m;
-        self.back += u64::from(is_back);
-        let stays = !is_back && is_possible(initial, &end) && fits_as_well(&end, solution, voxel_m);
-        self.alternative = stays.then_some(end.mountings);
-        self
+        if apart_m < SAME_SHARE * voxel_m {
+            self.back += 1;
+        } else if is_possible(initial, &end) && fits_as_well(&end, solution, voxel_m) {
+            self.alternative = Some(end.mountings);
+        }
     }
 }
 
@@ -173,9 +174,9 @@ mod tests {
     use super::*;
     use crate::calibration::small_case::{FLOOR_M, case};
 
-    /// What remains of an alternative that the finer scales have moved by this many metres along x from the solution, at
-    /// a cost that is higher by `cost` for each neighbourhood.
-    fn refined(shift_m: f64, cost: f64) -> Minimum {
+    /// The judgement of mountings this many metres along x from the solution, at a cost that is higher by `cost` for each
+    /// neighbourhood.
+    fn judged(shift_m: f64, cost: f64) -> Minimum {
         let (cloud, mountings) = case();
         let problem = ScaleProblem {
             cloud: Arc::new(cloud),
@@ -193,25 +194,26 @@ mod tests {
             cost: solution.cost + cost * planes,
             ..solution.clone()
         };
-        let doubtful = Minimum {
+        let mut minimum = Minimum {
             shift_m: 0.5,
             turn_rad: 0.1,
             starts: 4,
             back: 3,
-            alternative: Some(moved(&mountings, &(step * 2.0))),
+            alternative: None,
         };
-        doubtful.refined(&mountings, &solution, end, problem.voxel_m)
+        minimum.judge(&mountings, &solution, end, problem.voxel_m);
+        minimum
     }
 
     #[test]
-    fn an_alternative_stays_only_if_finer_scales_keep_it_apart_and_fit_as_well_there() {
-        let back = refined(0.2, 0.0);
+    fn an_alternative_is_apart_at_the_finest_scale_and_fits_as_well_there() {
+        let back = judged(0.2, 0.0);
         assert!(!back.is_doubtful() && back.back == 4);
-        let worse = refined(0.3, 2.0 * AS_LOW);
+        let worse = judged(0.3, 2.0 * AS_LOW);
         assert!(!worse.is_doubtful() && worse.back == 3);
-        let apart = refined(0.3, 0.5 * AS_LOW);
+        let apart = judged(0.3, 0.5 * AS_LOW);
         assert!(apart.is_doubtful() && apart.back == 3);
         // Farther than wrong initial values.
-        assert!(!refined(3.0, 0.0).is_doubtful());
+        assert!(!judged(3.0, 0.0).is_doubtful());
     }
 }

@@ -133,12 +133,14 @@ pub fn calibrate(
     let minimum = match settings.method {
         Method::Paper => None,
         Method::TwoStep | Method::Joint => {
-            let minimum = Minimum::test(input, &solved.state.mountings, settings, progress)?;
-            match minimum {
-                Some(doubtful) if doubtful.is_doubtful() => {
-                    Some(refined(input, doubtful, &solved, settings, progress)?)
+            match Minimum::test(input, &solved.state.mountings, settings, progress)? {
+                Some((mut minimum, others)) => {
+                    for other in others {
+                        follow(input, &mut minimum, other, &solved, settings, progress)?;
+                    }
+                    Some(minimum)
                 }
-                certain => certain,
+                None => None,
             }
         }
     };
@@ -164,19 +166,19 @@ pub fn calibrate(
     })
 }
 
-/// Follows the alternative of a `doubtful` minimum through the finer scales, as [`calibrate`] did from the start.
-fn refined(
+/// Lets the finer scales lead on from `other` mountings that fit as well at the coarsest scale, as [`calibrate`] did from
+/// the start, and judges where they end.
+fn follow(
     input: &Input<'_>,
-    doubtful: Minimum,
+    minimum: &mut Minimum,
+    other: Vec<Mounting>,
     solved: &Solved,
     settings: &CalibrationSettings,
     progress: &dyn Progress,
-) -> Result<Minimum> {
-    let Some(mut begin) = doubtful.alternative.clone() else {
-        return Ok(doubtful);
-    };
+) -> Result<()> {
     // Rare, and not among the expected steps.
     let progress = &Steps::new(progress, 1, 0);
+    let mut begin = other;
     let mut finest = None;
     for &voxel_m in settings.voxel_sizes_m.iter().skip(1) {
         finest = match solve_scale(input, begin.clone(), voxel_m, settings, progress) {
@@ -192,10 +194,11 @@ fn refined(
             Err(error) => return Err(error),
         };
     }
-    Ok(match finest {
-        Some((end, voxel_m)) => doubtful.refined(&input.mountings, &solved.state, end, voxel_m),
-        None => doubtful,
-    })
+    match finest {
+        Some((end, voxel_m)) => minimum.judge(&input.mountings, &solved.state, end, voxel_m),
+        None => minimum.alternative = Some(begin),
+    }
+    Ok(())
 }
 
 /// Offers the clouds with these mountings, and the reference.
