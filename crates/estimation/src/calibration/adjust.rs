@@ -143,10 +143,8 @@ fn damped_step(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-    use crate::calibration::small_case::{FLOOR_M, case};
+    use crate::calibration::small_case::{case, problem};
     use crate::geometry::Vec3;
     use crate::progress::Silent;
 
@@ -155,14 +153,7 @@ mod tests {
         if spoil {
             cloud.movable[7].position_m = Vec3::repeat(1e300);
         }
-        let problem = ScaleProblem {
-            cloud: Arc::new(cloud),
-            voxel_m: 0.5,
-            floor_m: FLOOR_M,
-            k: 20,
-            stride: 1,
-            max_iterations: 30,
-        };
+        let problem = problem(cloud);
         let start = problem.at(mountings);
         let all_free = Observability::new(&start.equations, &start.mountings);
         assert!(all_free.unobservable.is_empty());

@@ -59,7 +59,7 @@ impl Minimum {
     }
 
     /// Moves the `solution` away and lets the coarsest scale bring it back; also returns where else it ended at mountings
-    /// that fit as well at this scale, which [`Self::judge`] judges. `None` if the coarsest scale has too few points.
+    /// that fit as well at this scale. `None` if the coarsest scale has too few points.
     ///
     /// # Errors
     /// [`Error::Cancelled`](crate::error::Error::Cancelled).
@@ -116,37 +116,27 @@ impl Minimum {
             });
             let away = &determined * (determined.transpose() * away);
             let end = adjusted(moved(&nearest_minimum.mountings, &away))?;
-            let apart_m = problem
-                .cloud
-                .largest_displacement(&poses(&nearest_minimum.mountings), &poses(&end.mountings));
-            if apart_m < SAME_SHARE * voxel_m {
-                minimum.back += 1;
-            } else if is_possible(&input.mountings, &end)
-                && fits_as_well(&end, &nearest_minimum, voxel_m)
-            {
+            if minimum.ends_elsewhere(&input.mountings, &nearest_minimum, &end, voxel_m) {
                 others.push(end.mountings);
             }
         }
         Ok(Some((minimum, others)))
     }
 
-    /// Judges where the finer scales have led from other mountings that fit as well at the coarsest scale: back to the
-    /// `solution` of the finest scale, to mountings that fit worse, or to an alternative. Along directions that the
-    /// coarsest scale hardly determines, it ends far away at nearly the same cost.
-    pub(super) fn judge(
+    /// Whether an adjustment on one scale that was started elsewhere ended at other mountings than its `solution`, which
+    /// fit as well and which the initial values allow. If it came back, this is counted.
+    pub(super) fn ends_elsewhere(
         &mut self,
         initial: &[Mounting],
         solution: &State,
-        end: State,
+        end: &State,
         voxel_m: f64,
-    ) {
-        let [from, to] = [solution, &end].map(|state| poses(&state.mountings));
+    ) -> bool {
+        let [from, to] = [solution, end].map(|state| poses(&state.mountings));
         let apart_m = solution.surface.cloud.largest_displacement(&from, &to);
-        if apart_m < SAME_SHARE * voxel_m {
-            self.back += 1;
-        } else if is_possible(initial, &end) && fits_as_well(&end, solution, voxel_m) {
-            self.alternative = Some(end.mountings);
-        }
+        let is_back = apart_m < SAME_SHARE * voxel_m;
+        self.back += u64::from(is_back);
+        !is_back && is_possible(initial, end) && fits_as_well(end, solution, voxel_m)
     }
 }
 
@@ -172,20 +162,13 @@ fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::small_case::{FLOOR_M, case};
+    use crate::calibration::small_case::{case, problem};
 
-    /// The judgement of mountings this many metres along x from the solution, at a cost that is higher by `cost` for each
-    /// neighbourhood.
-    fn judged(shift_m: f64, cost: f64) -> Minimum {
+    /// Whether an adjustment ends elsewhere, this many metres along x from the solution and at a cost that is higher by
+    /// `cost` for each neighbourhood; and the number that came back, of three before.
+    fn ended(shift_m: f64, cost: f64) -> (bool, u64) {
         let (cloud, mountings) = case();
-        let problem = ScaleProblem {
-            cloud: Arc::new(cloud),
-            voxel_m: 0.5,
-            floor_m: FLOOR_M,
-            k: 20,
-            stride: 1,
-            max_iterations: 30,
-        };
+        let problem = problem(cloud);
         let solution = problem.at(mountings.clone());
         let step = DVector::from_fn(12, |i, _| if i % 6 == 0 { shift_m } else { 0.0 });
         let planes = solution.surface.planes.len() as f64;
@@ -201,19 +184,16 @@ mod tests {
             back: 3,
             alternative: None,
         };
-        minimum.judge(&mountings, &solution, end, problem.voxel_m);
-        minimum
+        let is_elsewhere = minimum.ends_elsewhere(&mountings, &solution, &end, problem.voxel_m);
+        (is_elsewhere, minimum.back)
     }
 
     #[test]
-    fn an_alternative_is_apart_at_the_finest_scale_and_fits_as_well_there() {
-        let back = judged(0.2, 0.0);
-        assert!(!back.is_doubtful() && back.back == 4);
-        let worse = judged(0.3, 2.0 * AS_LOW);
-        assert!(!worse.is_doubtful() && worse.back == 3);
-        let apart = judged(0.3, 0.5 * AS_LOW);
-        assert!(apart.is_doubtful() && apart.back == 3);
+    fn another_minimum_is_apart_and_fits_as_well() {
+        assert_eq!(ended(0.2, 0.0), (false, 4));
+        assert_eq!(ended(0.3, 2.0 * AS_LOW), (false, 3));
+        assert_eq!(ended(0.3, 0.5 * AS_LOW), (true, 3));
         // Farther than wrong initial values.
-        assert!(!judged(3.0, 0.0).is_doubtful());
+        assert_eq!(ended(3.0, 0.0), (false, 3));
     }
 }

@@ -167,7 +167,8 @@ pub fn calibrate(
 }
 
 /// Lets the finer scales lead on from `other` mountings that fit as well at the coarsest scale, as [`calibrate`] did from
-/// the start, and judges where they end.
+/// the start: along directions that the coarsest scale hardly determines, it ends far away at nearly the same cost. If the
+/// finer scales keep them apart, they are the alternative of `minimum`.
 fn follow(
     input: &Input<'_>,
     minimum: &mut Minimum,
@@ -194,9 +195,12 @@ fn follow(
             Err(error) => return Err(error),
         };
     }
-    match finest {
-        Some((end, voxel_m)) => minimum.judge(&input.mountings, &solved.state, end, voxel_m),
-        None => minimum.alternative = Some(begin),
+    // Without finer scales, it stays another minimum.
+    let is_elsewhere = finest.is_none_or(|(end, voxel_m): (State, f64)| {
+        minimum.ends_elsewhere(&input.mountings, &solved.state, &end, voxel_m)
+    });
+    if is_elsewhere {
+        minimum.alternative = Some(begin);
     }
     Ok(())
 }

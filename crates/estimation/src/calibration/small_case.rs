@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::parameters::{Mounting, poses};
+use super::scale::ScaleProblem;
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
 use crate::surface::{Profile, ProfilePoint, Surface, SurfaceCloud};
 
@@ -53,6 +54,18 @@ pub fn case() -> (SurfaceCloud, Vec<Mounting>) {
         cloud.add_scanner(&profiles, points);
     }
     (cloud, mountings)
+}
+
+/// The adjustment of the cloud on one scale.
+pub fn problem(cloud: SurfaceCloud) -> ScaleProblem {
+    ScaleProblem {
+        cloud: Arc::new(cloud),
+        voxel_m: 0.5,
+        floor_m: FLOOR_M,
+        k: 20,
+        stride: 1,
+        max_iterations: 30,
+    }
 }
 
 /// The cloud placed, with neighbourhoods of 20 around every `stride`-th point.

@@ -123,16 +123,19 @@ impl<'a> Profiler<'a> {
     fn across_edge(&self, ideal: &[Option<Ray>], k: usize) -> Option<f64> {
         let settings = &self.scenario.profiles;
         let (here, direction) = (ideal[k].as_ref()?, &self.rays[k]);
-        let grazing = settings.grazing_deg.to_radians().tan();
-        [k.wrapping_sub(1), k + 1].into_iter().find_map(|n| {
-            let other = ideal.get(n)?.as_ref()?;
-            let differ_m = (other.hit.range_m - here.hit.range_m).abs();
+        let is_beyond_grazing = |other: &Ray| {
             let between = other.point_m - here.point_m;
             let along_m = between.dot(direction);
             let across_m = (between - direction * along_m).norm();
-            let is_edge = differ_m > settings.edge_m && along_m.abs() > grazing * across_m;
-            is_edge.then_some(other.hit.range_m)
-        })
+            along_m.abs() > settings.grazing_deg.to_radians().tan() * across_m
+        };
+        let beside = [k.wrapping_sub(1), k + 1].into_iter();
+        let mut beside = beside.filter_map(|n| ideal.get(n)?.as_ref());
+        let across = beside.find(|other| {
+            let differ_m = (other.hit.range_m - here.hit.range_m).abs();
+            differ_m > settings.edge_m && is_beyond_grazing(other)
+        });
+        across.map(|other| other.hit.range_m)
     }
 
     /// The profile as recorded.
