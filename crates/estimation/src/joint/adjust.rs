@@ -145,18 +145,19 @@ pub fn at_rung(
             // The residuals of surfels that are not where the scans see them would look like outliers in the
             // first step.
             problem.fit_shapes(&mut state);
-            if may_climb && !again {
-                // A model that is evidently wrong takes many steps, which may be refused.
-                let reasons = scan_contradictions(&problem, &state, EVIDENT_TO_SCANS);
-                if !reasons.is_empty() {
-                    return Ok(Outcome::Contradicted(reasons));
-                }
-            }
         }
         if again {
             problem.find_trust(&state);
         }
         let before = state.clone();
+        if round == Round::Fine && may_climb && !again {
+            // A model that is evidently wrong takes many steps, which may be refused.
+            steps.step(&mut problem, &mut state)?;
+            let reasons = scan_contradictions(&problem, &state, EVIDENT_TO_SCANS);
+            if !reasons.is_empty() {
+                return Ok(Outcome::Contradicted(reasons));
+            }
+        }
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
         if may_climb && !again {
             let mut reasons = evident(&mut problem, &state, round, progress)?;

@@ -23,9 +23,8 @@ pub const MAX_MOTION_LEFT: f64 = 3.0;
 /// A contradiction by the IMU is evident if it exceeds its limit by this factor. Before the noise of the scans is
 /// estimated, that of a cloddy field with plants appears as 1.5 times the limit.
 pub const EVIDENT_TO_IMU: f64 = 2.0;
-/// A contradiction by the scans is evident if it exceeds its limit by this factor, once points have been sorted again
-/// after the coarse round and surfels have been fitted to them: correct models then give up to 2.6 on simulated
-/// drives, less than the limit.
+/// A contradiction by the scans is evident if it exceeds its limit by this factor, one step after points have been
+/// sorted again: correct models then give 0.3, and before the step up to 16 times the limit.
 pub const EVIDENT_TO_SCANS: f64 = 4.0;
 /// Largest plausible motion of mountings along and about each axis, root mean square, metres and radians: several
 /// times that of the softest simulated frame.

@@ -109,6 +109,14 @@ pub struct Steps<'a> {
 }
 
 impl Steps<'_> {
+    /// Takes one step.
+    pub fn step(&mut self, problem: &mut JointProblem<'_>, state: &mut State) -> Result<()> {
+        let progress = self.progress;
+        let ended = levenberg_marquardt(problem, state, DAMPING, 1, SCALING_SIGMAS, progress)?;
+        self.iterations += ended.iterations;
+        Ok(())
+    }
+
     /// Takes steps until one is shorter than `sigmas` standard deviations.
     pub fn settle(
         &mut self,
