@@ -10,8 +10,11 @@ use crate::joint::input::Scans;
 use crate::joint::motion::Motion;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Fewest points of a row.
+/// Fewest points of a row: among three, one that does not belong to the surfel weighs little.
 const MIN_ROW_POINTS: usize = 3;
+/// A scanner that would lose more than this share of its points by that has rows of single points too: a spinning lidar
+/// whose rays are as far apart as surfels are wide.
+const SPARSE_SHARE: f64 = 0.5;
 /// Points farther from a surfel than this many standard deviations do not belong to it.
 const GATE_SIGMAS: f64 = 4.0;
 /// Points within this many sizes count as near a surfel, even if they are beyond its gate.
@@ -134,9 +137,12 @@ impl Level {
             step_start: vec![0; steps + 1],
             ..DriveRows::default()
         };
-        let excess_m: Vec<f64> = (0..placed.len())
-            .map(|scanner| excess_m(&seen, surfels, scanner as u32))
+        let scanners = 0..placed.len() as u32;
+        let excess_m: Vec<f64> = scanners
+            .clone()
+            .map(|scanner| excess_m(&seen, surfels, scanner))
             .collect();
+        let fewest: Vec<usize> = scanners.map(|scanner| fewest(&seen, scanner)).collect();
         let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
         for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
             let (step, scanner, surfel, ..) = near[0];
@@ -150,7 +156,7 @@ impl Level {
             group.clear();
             let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
             group.extend(near.iter().filter(|seen| within(seen.4)).copied());
-            if group.len() < MIN_ROW_POINTS {
+            if group.len() < fewest[scanner as usize] {
                 continue;
             }
             let sample = scans.samples[scanner as usize];
@@ -199,6 +205,21 @@ fn distance_m(bits: u32) -> f64 {
     f64::from(f32::from_bits(bits))
 }
 
+/// Fewest points of a scanner's rows.
+fn fewest(seen: &[(u32, u32, u32, u32, u32)], scanner: u32) -> usize {
+    let rows = seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
+    let counts = rows.filter(|row| row[0].1 == scanner).map(<[_]>::len);
+    let (all, few) = counts.fold((0, 0), |(all, few), count| {
+        let few_more = if count < MIN_ROW_POINTS { count } else { 0 };
+        (all + count, few + few_more)
+    });
+    if few as f64 > SPARSE_SHARE * all as f64 {
+        1
+    } else {
+        MIN_ROW_POINTS
+    }
+}
+
 /// Excess of the scatter of a scanner's points over the roughness of the surfels they lie on, metres: its
 /// own noise, if that is larger.
 fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32) -> f64 {
@@ -208,4 +229,30 @@ fn excess_m(seen: &[(u32, u32, u32, u32, u32)], surfels: &[Surfel], scanner: u32
     let square = |value: Option<f64>| value.unwrap_or(0.0).powi(2);
     let excess_m2 = SIGMAS_PER_MAD.powi(2) * square(distance_m) - square(roughness_m);
     excess_m2.max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_sparse_scanner_has_rows_of_single_points() {
+        // Step, scanner, surfel; the first scanner has rows of five points and one of two, the second rows of one or two.
+        let rows = [
+            (0, 0, 0, 5),
+            (0, 0, 1, 2),
+            (0, 1, 0, 1),
+            (0, 1, 1, 2),
+            (1, 0, 0, 5),
+            (1, 1, 3, 1),
+        ];
+        let seen: Vec<_> = rows
+            .into_iter()
+            .flat_map(|(step, scanner, surfel, count)| {
+                (0..count).map(move |point| (step, scanner, surfel, point, 0))
+            })
+            .collect();
+        assert_eq!(fewest(&seen, 0), MIN_ROW_POINTS);
+        assert_eq!(fewest(&seen, 1), 1);
+    }
 }
