@@ -238,7 +238,7 @@ fn an_unknown_constant_is_named_with_the_known_ones() {
     );
     assert!(
         run.err
-            .contains("constants: prism.time_offset, prism.lever_arm, "),
+            .contains("constants: prism.time_offset, prism.time_drift, prism.lever_arm, "),
         "{}",
         run.err
     );

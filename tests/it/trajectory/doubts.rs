@@ -16,6 +16,12 @@ fn prism_late(logs: &mut Logs, late_s: f64) {
     logs.prism.iter_mut().for_each(|fix| fix.time_s += late_s);
 }
 
+fn prism_drifts(logs: &mut Logs, parts: f64) {
+    let first_s = logs.prism[0].time_s;
+    let times = logs.prism.iter_mut().map(|fix| &mut fix.time_s);
+    times.for_each(|time_s| *time_s += parts * (*time_s - first_s));
+}
+
 fn heading_late(logs: &mut Logs, late_s: f64) {
     logs.heading.iter_mut().for_each(|fix| fix.time_s += late_s);
 }
@@ -37,7 +43,7 @@ type Mistake = (
 );
 
 /// Each with the constants it concerns and the likely cause that is named.
-const MISTAKES: [Mistake; 12] = [
+const MISTAKES: [Mistake; 13] = [
     (
         "lever arm, signs of x and y",
         |logs| lever_arm(logs, |l| Vec3::new(-l.x, -l.y, l.z)),
@@ -93,6 +99,12 @@ const MISTAKES: [Mistake; 12] = [
         "",
     ),
     (
+        "prism clock fast by 0.2 %",
+        |logs| prism_drifts(logs, 2e-3),
+        &["prism.time_drift", "prism.time_offset"],
+        "runs at another rate",
+    ),
+    (
         "heading 500 ms late",
         |logs| heading_late(logs, 0.5),
         &["heading.time_offset"],
@@ -119,9 +131,10 @@ const MISTAKES: [Mistake; 12] = [
 ];
 
 /// A mistake of each constant, and two at once.
-const ONE_PER_CONSTANT: [&str; 4] = [
+const ONE_PER_CONSTANT: [&str; 5] = [
     "lever arm, signs of x and y",
     "antennas exchanged",
+    "prism clock fast by 0.2 %",
     "heading 500 ms late",
     "prism late, heading offset",
 ];

@@ -1,7 +1,7 @@
 //! The adjustment of a whole drive, repeated until clocks and outliers have settled.
 
 use super::clock;
-use super::constants::{Constants, latency_of};
+use super::constants::Constants;
 use super::graph::Graph;
 use super::initial::Initial;
 use super::rest::{Rest, rests};
@@ -69,7 +69,8 @@ pub fn adjust(
     settings: &TrajectorySettings,
     progress: &dyn Progress,
 ) -> Result<Adjusted> {
-    let mut corrections = latencies(settings);
+    let of_constant = |constant: &Constant| ClockCorrection::of(*constant, logs);
+    let mut corrections: Vec<_> = settings.estimate.iter().filter_map(of_constant).collect();
     let mut carried = Carried::default();
     let mut layouts = 0;
     let mut before: Option<Adjusted> = None;
@@ -128,22 +129,6 @@ pub fn adjust(
         adjusted.finish(settings, progress)?;
         return Ok(adjusted);
     }
-}
-
-/// A correction from the first record on for each latency that is to be estimated.
-fn latencies(settings: &TrajectorySettings) -> Vec<ClockCorrection> {
-    settings
-        .estimate
-        .iter()
-        .filter_map(|constant| latency_of(*constant))
-        .map(|stream| ClockCorrection {
-            stream,
-            record: 0,
-            time_s: 0.0,
-            shift_s: 0.0,
-            held: false,
-        })
-        .collect()
 }
 
 /// Adjusts once, with these corrections of the clocks.

@@ -8,7 +8,7 @@
 use super::graph::Graph;
 use super::robust::weigh_cautiously;
 use super::states::State;
-use super::streams::{ClockCorrection, MotionLogs, Stream, Streams};
+use super::streams::{ClockCorrection, Course, MotionLogs, Stream, Streams};
 use crate::adjustment::ChainProblem;
 use crate::sensor::Timed;
 use crate::statistics::{SIGMAS_PER_MAD, median};
@@ -78,6 +78,7 @@ pub fn find_jump(
                     record: trace.record,
                     time_s: trace.time_s,
                     shift_s,
+                    course: Course::Constant,
                     // The IMU's clock is the time scale: its jumps show in its own intervals.
                     held: trace.stream == Stream::Imu,
                 },

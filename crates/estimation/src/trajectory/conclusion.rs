@@ -9,7 +9,7 @@ use super::settings::{Constant, TrajectorySettings};
 use super::solution::{
     ClockJump, EstimatedConstant, NOISE_SCALE, Rejection, RejectionReason, Solution,
 };
-use super::streams::{Names, Stream};
+use super::streams::Names;
 use crate::adjustment::{StepCovariance, StopReason, residual_information};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -31,11 +31,11 @@ const NOTABLE_FACTOR: f64 = 1.5;
 type StepPart = (usize, StepCovariance);
 
 /// The poses of the adjusted drive and the quality of its solution, reported to `progress`. The
-/// latencies of the streams `unobservable` were to be estimated, but do not show in the motion.
+/// corrections of times in `unobservable` were to be estimated, but do not show in the motion.
 pub fn conclude(
     adjusted: &Adjusted,
     settings: &TrajectorySettings,
-    unobservable: &[Stream],
+    unobservable: &[Constant],
     progress: &dyn Progress,
 ) -> Result<(Trajectory, Solution)> {
     let Adjusted {
@@ -145,7 +145,7 @@ impl Adjusted {
     fn constants(
         &self,
         settings: &TrajectorySettings,
-        unobservable: &[Stream],
+        unobservable: &[Constant],
     ) -> Vec<EstimatedConstant> {
         let covariance = self.factor.border_covariance();
         let corrections = self.state.constants.corrections();
@@ -168,8 +168,8 @@ impl Adjusted {
                 }
             })
             .collect();
-        constants.extend(unobservable.iter().map(|stream| EstimatedConstant {
-            name: format!("{}.time_offset", Names(settings).sensor(*stream)),
+        constants.extend(unobservable.iter().map(|constant| EstimatedConstant {
+            name: constant.name(&settings.positions),
             unit: "s".into(),
             start: 0.0,
             value: 0.0,

@@ -2,7 +2,7 @@
 //! equations.
 
 use super::settings::{Constant, TrajectorySettings};
-use super::streams::{ClockCorrection, Names, Stream};
+use super::streams::{ClockCorrection, Course, Names, Stream, latency_of};
 use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
 use crate::geometry::Vec3;
 use nalgebra::SVector;
@@ -34,15 +34,14 @@ struct Clock {
     late_s: Parameter<f64>,
     /// The streams that are late, each with its first late record.
     from: Vec<(Stream, usize)>,
+    course: Course,
 }
 
-/// The stream whose latency a constant is; `None` for other constants.
-pub fn latency_of(constant: Constant) -> Option<Stream> {
-    match constant {
-        Constant::TimeOffset(sensor) => Some(Stream::Position(sensor)),
-        Constant::HeadingTimeOffset => Some(Stream::Heading),
-        _ => None,
-    }
+/// A clock that applies to a record, and the share of its value by which the record is late.
+#[derive(Debug, Clone, Copy)]
+pub struct LateBy {
+    pub clock: usize,
+    pub share: f64,
 }
 
 /// One column of the border.
@@ -107,20 +106,26 @@ impl Constants {
         {
             all.free(*constant, settings);
         }
-        let names = Names(settings);
         for clock in corrections.iter().filter(|c| !c.held) {
-            let sensor = names.sensor(clock.stream);
-            let name = if clock.record == 0 {
-                format!("{sensor}.time_offset")
-            } else {
-                format!("{sensor}.clock_jump at {:.3} s", clock.time_s)
-            };
-            all.add_clock(name, clock.shift_s, vec![(clock.stream, clock.record)]);
+            all.correct(clock, settings);
         }
         all
     }
 
-    /// Adds the columns of one more constant; the noise scale has none.
+    /// Adds the column of a correction of a clock.
+    pub fn correct(&mut self, clock: &ClockCorrection, settings: &TrajectorySettings) {
+        let sensor = Names(settings).sensor(clock.stream);
+        let name = match (clock.record, clock.course) {
+            (0, Course::Constant) => format!("{sensor}.time_offset"),
+            (0, Course::Linear { .. }) => format!("{sensor}.time_drift"),
+            _ => format!("{sensor}.clock_jump at {:.3} s", clock.time_s),
+        };
+        let from = vec![(clock.stream, clock.record)];
+        self.add_clock(name, clock.shift_s, from, clock.course);
+    }
+
+    /// Adds the columns of one more constant; the noise scale has none, and those of times are added by
+    /// [`Self::correct`].
     pub fn free(&mut self, constant: Constant, settings: &TrajectorySettings) {
         match constant {
             Constant::LeverArm(sensor) => {
@@ -171,26 +176,28 @@ impl Constants {
                 self.gravity_m_s2.estimate(&mut self.columns);
                 self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
             }
-            Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
-                let name = constant.name(&settings.positions);
-                let from = latency_of(constant).map(|stream| (stream, 0));
-                self.add_clock(name, 0.0, from.into_iter().collect());
-            }
-            // A variance component, estimated from the residuals.
-            Constant::ImuNoiseScale => {}
+            // Corrections of clocks, and a variance component, which is estimated from the residuals.
+            Constant::TimeOffset(_)
+            | Constant::TimeDrift(_)
+            | Constant::HeadingTimeOffset
+            | Constant::ImuNoiseScale => {}
         }
     }
 
     /// Adds one more constant, the last: how late the records of these streams are, each from this record
     /// on.
     pub fn add_jump(&mut self, from: Vec<(Stream, usize)>) {
-        self.add_clock("clock_jump".into(), 0.0, from);
+        self.add_clock("clock_jump".into(), 0.0, from, Course::Constant);
     }
 
-    fn add_clock(&mut self, name: String, base: f64, from: Vec<(Stream, usize)>) {
+    fn add_clock(&mut self, name: String, base: f64, from: Vec<(Stream, usize)>, course: Course) {
         let mut late_s = Parameter::held(0.0);
         late_s.estimate(&mut self.columns);
-        self.clocks.push(Clock { late_s, from });
+        self.clocks.push(Clock {
+            late_s,
+            from,
+            course,
+        });
         self.describe(name, "s", base, PRIOR_TIME_S);
     }
 
@@ -228,20 +235,25 @@ impl Constants {
         steps.filter(move |step| step.sensor == sensor && step.record <= record)
     }
 
-    /// The clocks that apply to a record.
-    pub fn clocks_of(&self, stream: Stream, record: usize) -> Vec<usize> {
+    /// The clocks that apply to a record at this time.
+    pub fn clocks_of(&self, stream: Stream, record: usize, time_s: f64) -> Vec<LateBy> {
         let applies = |clock: &Clock| {
             let mut from = clock.from.iter();
             from.any(|(late, first)| *late == stream && *first <= record)
         };
         (0..self.clocks.len())
             .filter(|&clock| applies(&self.clocks[clock]))
+            .map(|clock| LateBy {
+                clock,
+                share: self.clocks[clock].course.share(time_s),
+            })
             .collect()
     }
 
     /// How late a record is to which these clocks apply, seconds.
-    pub fn late_s(&self, clocks: &[usize]) -> f64 {
-        clocks.iter().map(|&c| self.clocks[c].late_s.value).sum()
+    pub fn late_s(&self, clocks: &[LateBy]) -> f64 {
+        let late_s = |by: &LateBy| by.share * self.clocks[by.clock].late_s.value;
+        clocks.iter().map(late_s).sum()
     }
 
     /// How late each clock is, seconds, in the order of the corrections that are not held.

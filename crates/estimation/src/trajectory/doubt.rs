@@ -66,7 +66,9 @@ impl Doubt {
         let values: Vec<EstimatedConstant> = components.cloned().collect();
         let least = match constant {
             Constant::LeverArm(_) => LEAST_LEVER_ARM_M,
-            Constant::TimeOffset(_) | Constant::HeadingTimeOffset => LEAST_LATENCY_S,
+            Constant::TimeOffset(_) | Constant::TimeDrift(_) | Constant::HeadingTimeOffset => {
+                LEAST_LATENCY_S
+            }
             Constant::HeadingOffset => LEAST_OFFSET_RAD,
             _ => LEAST_GRAVITY_M_S2,
         };
@@ -158,6 +160,14 @@ impl Doubt {
             }
             Constant::TimeOffset(_) | Constant::HeadingTimeOffset => {
                 format!("Check the clocks; adding {value:+.4} to [{table}] time_offset_s fits")
+            }
+            Constant::TimeDrift(_) => {
+                let change = if value < 0.0 { "gain" } else { "lose" };
+                format!(
+                    "Its clock runs at another rate than the IMU's: from the first record to the last, its times {change} \
+                     {:.0} ms. Give both one source of time",
+                    1e3 * value.abs()
+                )
             }
             Constant::HeadingOffset => format!(
                 "Check it; [{table}] mounting_offset_deg = {:.2} fits",

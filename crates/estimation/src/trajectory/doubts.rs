@@ -10,7 +10,7 @@ use super::estimate::{Estimate, estimate};
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
 use super::steps::{PositionStep, SIGNIFICANT_SQUARE, find, steps_of, with_steps};
-use super::streams::MotionLogs;
+use super::streams::{ClockCorrection, MotionLogs};
 use super::trial::{misfit, rejected_squares, try_estimate};
 use crate::adjustment::ChainProblem;
 use crate::error::Result;
@@ -166,7 +166,7 @@ fn is_small(doubt: &Doubt, logs: &MotionLogs<'_>) -> bool {
         median(times.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0)
     };
     let spacing_s = match doubt.constant {
-        Constant::TimeOffset(sensor) => {
+        Constant::TimeOffset(sensor) | Constant::TimeDrift(sensor) => {
             spacing(&mut logs.positions[sensor].iter().map(|fix| fix.time_s))
         }
         Constant::HeadingTimeOffset => spacing(&mut logs.heading.iter().map(|fix| fix.time_s)),
@@ -194,7 +194,7 @@ fn doubts(
     // Derivatives know nothing of rejected records, which a constant that is far off has many of.
     let is_blind = rejected_squares(&base.solution) > MIN_GAIN;
     let is_chance = |gain: f64| gain < MIN_GAIN;
-    if !is_blind && gain_of(&held, settings, base).is_some_and(is_chance) {
+    if !is_blind && gain_of(&held, logs, settings, base).is_some_and(is_chance) {
         drop(stage);
         return Ok(Vec::new());
     }
@@ -316,13 +316,17 @@ impl Test<'_> {
 /// the trajectory alone is zero at its solution. `None` if the normal equations are not positive definite.
 fn gain_of(
     constants: &[Constant],
+    logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
     estimated: &Estimate,
 ) -> Option<f64> {
     let (graph, state, _) = estimated.covariance.parts();
     let (mut graph, mut state) = (graph.clone(), state.clone());
     for constant in constants {
-        state.constants.free(*constant, settings);
+        match ClockCorrection::of(*constant, logs) {
+            Some(correction) => state.constants.correct(&correction, settings),
+            None => state.constants.free(*constant, settings),
+        }
     }
     graph.set_clocks(&state.constants);
     Some(graph.factor(&state).ok()?.decrement())
@@ -331,7 +335,10 @@ fn gain_of(
 /// The constants that are held, those with the largest mistakes first.
 fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Constant> {
     let sensors = 0..settings.positions.len();
-    let of_positions = sensors.flat_map(|i| [Constant::LeverArm(i), Constant::TimeOffset(i)]);
+    let of_positions = sensors.flat_map(|i| {
+        let times = [Constant::TimeOffset(i), Constant::TimeDrift(i)];
+        [Constant::LeverArm(i)].into_iter().chain(times)
+    });
     let has_heading = !logs.heading.is_empty();
     let offset = has_heading.then_some(Constant::HeadingOffset);
     let latency = has_heading.then_some(Constant::HeadingTimeOffset);

@@ -2,13 +2,12 @@
 
 use super::batch::{Start, adjust};
 use super::conclusion::conclude;
-use super::constants::latency_of;
 use super::covariance::PosteriorCovariance;
 use super::initial::initial;
 use super::interpolate::Trajectory;
-use super::settings::TrajectorySettings;
+use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
-use super::streams::MotionLogs;
+use super::streams::{MotionLogs, latency_of};
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
 
@@ -61,13 +60,15 @@ pub fn estimate_from(
     let adjusted = rayon::scope(|_| {
         let adjusted = adjust(start, logs, settings, steps)?;
         // These latencies are not observable in the drive: they keep the project's values.
-        unobservable = adjusted.unobservable_latencies();
-        if unobservable.is_empty() {
+        let streams = adjusted.unobservable_latencies();
+        if streams.is_empty() {
             return Ok(adjusted);
         }
-        observable.estimate.retain(|constant| {
-            latency_of(*constant).is_none_or(|stream| !unobservable.contains(&stream))
-        });
+        let is_observable = |constant: &Constant| {
+            latency_of(*constant).is_none_or(|stream| !streams.contains(&stream))
+        };
+        let estimate = settings.estimate.iter().copied();
+        (observable.estimate, unobservable) = estimate.partition(is_observable);
         adjust(start, logs, &observable, steps)
     });
     let adjusted = adjusted?;

@@ -115,6 +115,9 @@ pub enum Nodes {
 pub enum Constant {
     /// `prism.time_offset`: common time = sensor time + this, on top of the project's, seconds.
     TimeOffset(usize),
+    /// `prism.time_drift`: by how much more the last record is corrected than the first, in proportion to time, none in
+    /// the middle of the log, seconds.
+    TimeDrift(usize),
     /// `prism.lever_arm`, three values, metres in the body frame.
     LeverArm(usize),
     /// `prism.incidence_bias`, two amplitudes of the error of a 360° prism that turns with the
@@ -148,6 +151,7 @@ impl Constant {
         };
         match self {
             Self::TimeOffset(index) => name_of(index, "time_offset"),
+            Self::TimeDrift(index) => name_of(index, "time_drift"),
             Self::LeverArm(index) => name_of(index, "lever_arm"),
             Self::IncidenceBias(index) => name_of(index, "incidence_bias"),
             Self::PositionStep { sensor, record } => {

@@ -28,7 +28,9 @@ const FAULT_GRAVITY_M_S2: f64 = 0.1;
 pub fn doubt(doubt: &Doubt) -> Verdict {
     let fault = match doubt.constant {
         Constant::LeverArm(_) => FAULT_LEVER_ARM_M,
-        Constant::TimeOffset(_) | Constant::HeadingTimeOffset => FAULT_LATENCY_S,
+        Constant::TimeOffset(_) | Constant::TimeDrift(_) | Constant::HeadingTimeOffset => {
+            FAULT_LATENCY_S
+        }
         Constant::HeadingOffset => FAULT_OFFSET_RAD,
         _ => FAULT_GRAVITY_M_S2,
     };

@@ -5,7 +5,7 @@ use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::heading::{heading_rad, wrap};
 use crate::geometry::{Rotation, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::constants::Constants;
+use crate::trajectory::constants::{Constants, LateBy};
 use crate::trajectory::states::{ATTITUDE, GYRO, NodeState};
 
 /// What the antennas measure at a time: r = heading(R(t)) − z − o wrapped into (−π, π], and
@@ -23,7 +23,7 @@ pub struct HeadingFactor {
     /// Weight given by the loss, 0 to 1.
     pub weight: f64,
     /// The clocks that apply to the record.
-    pub clocks: Vec<usize>,
+    pub clocks: Vec<LateBy>,
 }
 
 /// The quantity that a [`HeadingFactor`] compares.
@@ -110,9 +110,9 @@ impl HeadingFactor {
         let residual = self.residual_at(constants, &at) / self.sigma_rad;
         let mut rows = FactorRows::new([residual], by_step);
         let by_time = gradient.dot(&at.turning(&direction)) * weight;
-        for &clock in &self.clocks {
-            if let Some(block) = constants.clock(clock).block() {
-                rows.touch(block, [[by_time]]);
+        for late in &self.clocks {
+            if let Some(block) = constants.clock(late.clock).block() {
+                rows.touch(block, [[by_time * late.share]]);
             }
         }
         if let (Quantity::Heading, Some(block)) =

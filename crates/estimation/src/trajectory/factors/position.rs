@@ -5,7 +5,7 @@ use super::propagation::{Propagated, Propagation};
 use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::{Mat3, Rotation, Vec3};
 use crate::sensor::ImuBias;
-use crate::trajectory::constants::Constants;
+use crate::trajectory::constants::{Constants, LateBy};
 use crate::trajectory::states::NodeState;
 
 /// Periods of the incidence-dependent error of a 360° prism in a turn: one for each of its facets.
@@ -31,7 +31,7 @@ pub struct PositionFactor {
     /// Weight given by the loss, 0 to 1.
     pub weight: f64,
     /// The clocks that apply to the record.
-    pub clocks: Vec<usize>,
+    pub clocks: Vec<LateBy>,
 }
 
 /// The fixed properties of a position sensor.
@@ -127,9 +127,9 @@ impl PositionFactor {
         let column = |by: Vec3| -> [f64; 3] { (w * by).into() };
         if !self.clocks.is_empty() {
             let by_time = at.velocity_m_s + at.turning(&arm);
-            for &clock in &self.clocks {
-                if let Some(block) = constants.clock(clock).block() {
-                    rows.touch(block, [column(by_time)]);
+            for late in &self.clocks {
+                if let Some(block) = constants.clock(late.clock).block() {
+                    rows.touch(block, [column(by_time * late.share)]);
                 }
             }
         }

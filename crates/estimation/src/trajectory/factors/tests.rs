@@ -12,7 +12,7 @@ use crate::trajectory::settings::{
     Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings,
 };
 use crate::trajectory::states::NodeState;
-use crate::trajectory::streams::{ClockCorrection, Stream};
+use crate::trajectory::streams::{ClockCorrection, Course, Stream};
 
 const GRAVITY: f64 = 9.81;
 
@@ -128,19 +128,28 @@ fn constants() -> Constants {
         Constant::HeadingOffset,
         Constant::Gravity,
     ];
-    let late = |stream| ClockCorrection {
+    let late = |stream, course| ClockCorrection {
         stream,
         record: 0,
         time_s: 0.0,
         shift_s: 0.0,
+        course,
         held: false,
     };
-    let corrections = [Stream::Position(0), Stream::Heading].map(late);
+    let drift = Course::Linear {
+        from_s: -5.0,
+        to_s: 20.0,
+    };
+    let corrections = [
+        late(Stream::Position(0), Course::Constant),
+        late(Stream::Heading, Course::Constant),
+        late(Stream::Position(0), drift),
+    ];
     let constants = Constants::new(&settings, &corrections);
-    assert_eq!(constants.count(), 13);
+    assert_eq!(constants.count(), 14);
     // The incidence bias stays zero: the rows neglect that it turns with the attitude.
     let step = [
-        0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.013, 0.011,
+        0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.013, 0.011, 0.007,
     ];
     constants.retracted(&step)
 }
@@ -198,10 +207,10 @@ fn position_jacobians_meet_finite_differences() {
             position_m: Vec3::new(0.9, 2.1, 0.4),
             whitener: Mat3::identity(),
             weight: 1.0,
-            clocks: vec![0],
+            clocks: constants.clocks_of(Stream::Position(0), 0, 4.0),
         };
         let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
-        assert_eq!(touched(&rows), [11, 0, 1, 2, 3, 4, 5, 6, 7, 8, 10]);
+        assert_eq!(touched(&rows), [11, 13, 0, 1, 2, 3, 4, 5, 6, 7, 8, 10]);
         check::<3>(&rows.by_step, |from, _, bias| {
             fix.whitened(&sensor, &constants, from, bias)
         });
@@ -228,7 +237,7 @@ fn heading_and_pitch_jacobians_meet_finite_differences() {
                 value_rad: 0.4,
                 sigma_rad: 1.0,
                 weight: 1.0,
-                clocks: vec![1],
+                clocks: constants.clocks_of(Stream::Heading, 0, 4.0),
             };
             let rows = fix.rows(&constants, &state(0.0), &bias());
             assert_eq!(touched(&rows), columns);
@@ -325,7 +334,7 @@ fn normal_equations_are_those_of_the_whitened_rows() {
         }
     }
     let diagonal = (k.transpose() * information * k)[0];
-    assert!((border.c[10 * 13 + 10] - diagonal).abs() < 1e-7 * diagonal);
+    assert!((border.c[10 * constants.count() + 10] - diagonal).abs() < 1e-7 * diagonal);
 }
 
 #[test]

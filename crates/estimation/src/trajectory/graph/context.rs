@@ -48,7 +48,7 @@ impl FactorContext<'_> {
             position_m: fix.value.position_m,
             whitener: whitener(fix.value.covariance_m2, sigma_m),
             weight: 1.0,
-            clocks: self.constants.clocks_of(stream, fix.record),
+            clocks: self.constants.clocks_of(stream, fix.record, time_s),
         }
     }
 
@@ -69,7 +69,9 @@ impl FactorContext<'_> {
             value_rad,
             sigma_rad,
             weight: 1.0,
-            clocks: self.constants.clocks_of(Stream::Heading, fix.record),
+            clocks: self
+                .constants
+                .clocks_of(Stream::Heading, fix.record, time_s),
         };
         let mut factors = vec![factor(
             Quantity::Heading,

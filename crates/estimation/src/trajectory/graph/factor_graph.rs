@@ -54,10 +54,11 @@ impl Graph {
     /// Assigns to each record the clocks that apply to it.
     pub fn set_clocks(&mut self, constants: &Constants) {
         for fix in &mut self.positions {
-            fix.clocks = constants.clocks_of(Stream::Position(fix.sensor), fix.record);
+            let stream = Stream::Position(fix.sensor);
+            fix.clocks = constants.clocks_of(stream, fix.record, fix.time_s);
         }
         for fix in &mut self.headings {
-            fix.clocks = constants.clocks_of(Stream::Heading, fix.record);
+            fix.clocks = constants.clocks_of(Stream::Heading, fix.record, fix.time_s);
         }
     }
 

@@ -82,7 +82,8 @@ pub(super) fn constants(
 fn all_constants(positions: &[PositionSettings]) -> Vec<Constant> {
     let mut all = Vec::new();
     for (index, settings) in positions.iter().enumerate() {
-        all.extend([Constant::TimeOffset(index), Constant::LeverArm(index)]);
+        let times = [Constant::TimeOffset(index), Constant::TimeDrift(index)];
+        all.extend(times.into_iter().chain([Constant::LeverArm(index)]));
         if settings.kind == PositionKind::Prism {
             all.push(Constant::IncidenceBias(index));
         }

@@ -254,7 +254,7 @@ fn mistakes_with_several_sensors_are_reported_with_line_and_remedy() {
         (
             "\"gnss.lever_arm\"",
             "\"gnss.leverarm\"",
-            "line 46: found the unknown constant `gnss.leverarm`, expected `gnss.lever_arm` (constants: front.time_offset, front.lever_arm, front.incidence_bias, rear.time_offset, ",
+            "line 46: found the unknown constant `gnss.leverarm`, expected `gnss.lever_arm` (constants: front.time_offset, front.time_drift, front.lever_arm, front.incidence_bias, rear.time_offset, ",
         ),
         (
             "\"gnss.lever_arm\"",
