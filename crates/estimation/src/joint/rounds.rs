@@ -111,9 +111,7 @@ pub struct Steps<'a> {
 impl Steps<'_> {
     /// Takes one step.
     pub fn step(&mut self, problem: &mut JointProblem<'_>, state: &mut State) -> Result<()> {
-        let progress = self.progress;
-        let ended = levenberg_marquardt(problem, state, DAMPING, 1, SCALING_SIGMAS, progress)?;
-        self.iterations += ended.iterations;
+        self.take(problem, state, 1, SCALING_SIGMAS)?;
         Ok(())
     }
 
@@ -131,6 +129,17 @@ impl Steps<'_> {
         } else {
             left.max(share)
         };
+        self.take(problem, state, most, sigmas)
+    }
+
+    /// Takes at most so many steps, until one is shorter than `sigmas` standard deviations.
+    fn take(
+        &mut self,
+        problem: &mut JointProblem<'_>,
+        state: &mut State,
+        most: usize,
+        sigmas: f64,
+    ) -> Result<StopReason> {
         let ended = levenberg_marquardt(problem, state, DAMPING, most, sigmas, self.progress)?;
         self.iterations += ended.iterations;
         Ok(ended.stop)

@@ -6,9 +6,10 @@
 //! significant.
 
 use super::graph::Graph;
+use super::logs::{ClockCorrection, Course, MotionLogs, Stream};
 use super::robust::weigh_cautiously;
 use super::states::State;
-use super::streams::{ClockCorrection, Course, MotionLogs, Stream, Streams};
+use super::streams::Streams;
 use crate::adjustment::ChainProblem;
 use crate::sensor::Timed;
 use crate::statistics::{SIGMAS_PER_MAD, median};

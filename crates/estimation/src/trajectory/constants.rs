@@ -1,8 +1,9 @@
 //! Constants: held, or estimated along with the trajectory as unknowns of the border of the normal
 //! equations.
 
+use super::logs::{ClockCorrection, Course, Stream, latency_of};
 use super::settings::{Constant, TrajectorySettings};
-use super::streams::{ClockCorrection, Course, Names, Stream, latency_of};
+use super::streams::Names;
 use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
 use crate::geometry::Vec3;
 use nalgebra::SVector;

@@ -7,10 +7,10 @@
 
 use super::doubt::Doubt;
 use super::estimate::{Estimate, estimate};
+use super::logs::{ClockCorrection, MotionLogs};
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
 use super::steps::{PositionStep, SIGNIFICANT_SQUARE, find, steps_of, with_steps};
-use super::streams::{ClockCorrection, MotionLogs};
 use super::trial::{misfit, rejected_squares, try_estimate};
 use crate::adjustment::ChainProblem;
 use crate::error::Result;

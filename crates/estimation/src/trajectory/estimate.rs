@@ -5,9 +5,9 @@ use super::conclusion::conclude;
 use super::covariance::PosteriorCovariance;
 use super::initial::initial;
 use super::interpolate::Trajectory;
+use super::logs::{MotionLogs, latency_of};
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::Solution;
-use super::streams::{MotionLogs, latency_of};
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
 

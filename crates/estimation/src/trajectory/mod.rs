@@ -20,6 +20,7 @@ mod imu_noise;
 pub(crate) mod imu_series;
 pub(crate) mod initial;
 mod interpolate;
+mod logs;
 mod motion_sums;
 mod online;
 mod preintegration;
@@ -43,6 +44,7 @@ pub use doubts::{Tested, estimate_tested};
 pub use estimate::{Estimate, estimate};
 pub use imu_noise::{ImuDatasheet, ImuNoise};
 pub use interpolate::{PoseCursor, Trajectory};
+pub use logs::MotionLogs;
 pub use online::{Jump, Online, OnlineOptions, Thresholds, Update};
 pub use settings::{
     Constant, HeadingSettings, Loss, Nodes, PoseLimits, PositionKind, PositionSettings,
@@ -53,4 +55,3 @@ pub use solution::{
     Solution, StopReason,
 };
 pub use steps::PositionStep;
-pub use streams::MotionLogs;

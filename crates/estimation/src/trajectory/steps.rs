@@ -6,11 +6,11 @@
 
 use super::estimate::Estimate;
 use super::graph::Graph;
+use super::logs::MotionLogs;
 use super::robust::weigh_cautiously;
 use super::settings::{Constant, TrajectorySettings};
 use super::solution::EstimatedConstant;
 use super::states::State;
-use super::streams::MotionLogs;
 use super::trial::{misfit, try_estimate};
 use super::variance::imu_median_component;
 use crate::adjustment::ChainProblem;

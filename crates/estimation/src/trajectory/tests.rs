@@ -2,10 +2,10 @@
 
 use super::batch::{Adjusted, Carried, adjust_once};
 use super::initial::initial;
+use super::logs::MotionLogs;
 use super::recovery::{POSE, Recovered, Recovery};
 use super::settings::{Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings};
 use super::states::State;
-use super::streams::MotionLogs;
 use crate::adjustment::{
     ChainFactor, ChainProblem, ChainStep, Columns, FactorRows, NODE, Parameter, Retract, Rows,
     SEGMENT, STEP, TAIL, Unknown,

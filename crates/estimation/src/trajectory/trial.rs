@@ -1,9 +1,9 @@
 //! Trials of other models of the same logs, and how well they fit.
 
 use super::estimate::{Estimate, estimate};
+use super::logs::MotionLogs;
 use super::settings::TrajectorySettings;
 use super::solution::Solution;
-use super::streams::MotionLogs;
 use crate::error::{Result, unless_cancelled};
 use crate::progress::Progress;
 

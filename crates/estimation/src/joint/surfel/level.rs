@@ -144,7 +144,7 @@ impl Level {
             .collect();
         let fewest: Vec<usize> = scanners.map(|scanner| fewest(&seen, scanner)).collect();
         let mut group: Vec<(u32, u32, u32, u32, u32)> = Vec::new();
-        for near in seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+        for near in seen.chunk_by(is_same_row) {
             let (step, scanner, surfel, ..) = near[0];
             let tally = &mut self.tallies[surfel as usize];
             tally.near += near.len() as f64;
@@ -205,9 +205,14 @@ fn distance_m(bits: u32) -> f64 {
     f64::from(f32::from_bits(bits))
 }
 
+/// Whether two points belong to the same row: step, scanner and surfel.
+fn is_same_row(a: &(u32, u32, u32, u32, u32), b: &(u32, u32, u32, u32, u32)) -> bool {
+    (a.0, a.1, a.2) == (b.0, b.1, b.2)
+}
+
 /// Fewest points of a scanner's rows.
 fn fewest(seen: &[(u32, u32, u32, u32, u32)], scanner: u32) -> usize {
-    let rows = seen.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
+    let rows = seen.chunk_by(is_same_row);
     let counts = rows.filter(|row| row[0].1 == scanner).map(<[_]>::len);
     let (all, few) = counts.fold((0, 0), |(all, few), count| {
         let few_more = if count < MIN_ROW_POINTS { count } else { 0 };

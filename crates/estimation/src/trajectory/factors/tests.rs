@@ -7,12 +7,12 @@ use crate::geometry::so3::exp;
 use crate::geometry::{BodyAxes, Mat3, Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, ImuSample};
 use crate::trajectory::constants::Constants;
+use crate::trajectory::logs::{ClockCorrection, Course, Stream};
 use crate::trajectory::preintegration::Preintegrated;
 use crate::trajectory::settings::{
     Constant, HeadingSettings, ImuNoise, PositionSettings, TrajectorySettings,
 };
 use crate::trajectory::states::NodeState;
-use crate::trajectory::streams::{ClockCorrection, Course, Stream};
 
 const GRAVITY: f64 = 9.81;
 
@@ -128,22 +128,14 @@ fn constants() -> Constants {
         Constant::HeadingOffset,
         Constant::Gravity,
     ];
-    let late = |stream, course| ClockCorrection {
-        stream,
-        record: 0,
-        time_s: 0.0,
-        shift_s: 0.0,
-        course,
-        held: false,
-    };
     let drift = Course::Linear {
         from_s: -5.0,
         to_s: 20.0,
     };
     let corrections = [
-        late(Stream::Position(0), Course::Constant),
-        late(Stream::Heading, Course::Constant),
-        late(Stream::Position(0), drift),
+        ClockCorrection::none(Stream::Position(0), Course::Constant),
+        ClockCorrection::none(Stream::Heading, Course::Constant),
+        ClockCorrection::none(Stream::Position(0), drift),
     ];
     let constants = Constants::new(&settings, &corrections);
     assert_eq!(constants.count(), 14);

@@ -6,9 +6,10 @@ use crate::sensor::{HeadingFix, ImuBias, PositionFix};
 use crate::trajectory::constants::Constants;
 use crate::trajectory::factors::{HeadingFactor, PositionFactor, Propagation, Quantity};
 use crate::trajectory::imu_series::ImuSeries;
+use crate::trajectory::logs::Stream;
 use crate::trajectory::motion_sums::MotionSums;
 use crate::trajectory::settings::TrajectorySettings;
-use crate::trajectory::streams::{Numbered, Stream};
+use crate::trajectory::streams::Numbered;
 
 /// What factors depend on besides their records.
 #[derive(Clone, Copy)]

@@ -6,10 +6,10 @@ use crate::trajectory::factors::{
     HeadingFactor, ImuFactor, PositionFactor, PositionSensor, RestFactor,
 };
 use crate::trajectory::imu_series::{ImuSeries, SAME_INSTANT_S};
+use crate::trajectory::logs::Stream;
 use crate::trajectory::motion_sums::MotionSums;
 use crate::trajectory::settings::ImuNoise;
 use crate::trajectory::states::{NodeState, State};
-use crate::trajectory::streams::Stream;
 use crate::trajectory::timeline::Timeline;
 use std::ops::Range;
 

@@ -1,7 +1,8 @@
 //! Records as they arrive.
 
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
-use crate::trajectory::streams::{MotionLogs, Numbered, Stream};
+use crate::trajectory::logs::{MotionLogs, Stream};
+use crate::trajectory::streams::Numbered;
 
 /// A record that waits for the IMU.
 #[derive(Debug, Clone, Copy)]

@@ -13,10 +13,11 @@ use crate::sensor::{HeadingFix, ImuBias, ImuSample, PoseRecord, PoseSigma, Posit
 use crate::trajectory::gaps::{GAP_INTERVALS, bridged_samples, bridging_samples, check_bridging};
 use crate::trajectory::graph::FactorContext;
 use crate::trajectory::imu_series::SAME_INSTANT_S;
+use crate::trajectory::logs::Stream;
 use crate::trajectory::settings::{ImuNoise, TrajectorySettings};
 use crate::trajectory::solution::{Rejection, RejectionReason};
 use crate::trajectory::states::NodeState;
-use crate::trajectory::streams::{Names, Numbered, Stream, Streams};
+use crate::trajectory::streams::{Names, Numbered, Streams};
 use crate::trajectory::timeline::MAX_STEP_S;
 
 /// Start values of motion and bias at a time, where they are known.

@@ -12,10 +12,11 @@ use crate::sensor::{ImuSample, Timed};
 use crate::trajectory::batch::{Adjusted, Carried, adjust_once};
 use crate::trajectory::graph::Graph;
 use crate::trajectory::initial::initial;
+use crate::trajectory::logs::{MotionLogs, Stream};
 use crate::trajectory::settings::TrajectorySettings;
 use crate::trajectory::solution::RejectionReason;
 use crate::trajectory::states::State;
-use crate::trajectory::streams::{MotionLogs, Names, Stream, Streams};
+use crate::trajectory::streams::{Names, Streams};
 use std::collections::HashMap;
 
 /// The median interval of this many samples shows whether times are in seconds.
