@@ -12,7 +12,7 @@ use super::placed;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages;
 use crate::adjustment::StopReason;
-use crate::calibration::Calibration;
+use crate::calibration::{Calibration, Mounting, Reach};
 use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{
@@ -20,6 +20,7 @@ use crate::joint::{
     contradictions,
 };
 use crate::judgement;
+use crate::number;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
 
@@ -130,7 +131,10 @@ pub fn report(
         report.refused.insert(0, reason.into());
     }
     if let Some(joint) = &report.result {
-        if matches!(project.motion, Motion::Poses(_)) {
+        let (from, to) = (&two_steps.mountings, &joint.mountings);
+        if let Some(reason) = beyond_initial_values(from, to) {
+            report.refused.push(reason);
+        } else if matches!(project.motion, Motion::Poses(_)) {
             let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
             let samples = calibration_drive.samples;
             let reason = reason_for_two_steps(samples, cell_m, two_steps, joint);
@@ -145,6 +149,24 @@ pub fn report(
     }
     report.seconds = begun.elapsed().as_secs_f64();
     Ok(report)
+}
+
+/// Why mountings cannot be true if two steps found those `from` which the adjustment started: two steps keep initial values
+/// along what they do not determine, and neither is farther off than [`Reach::ROUGH`].
+fn beyond_initial_values(from: &[Mounting], to: &[Mounting]) -> Option<String> {
+    let mut pairs = from.iter().zip(to);
+    pairs.find_map(|(from, to)| {
+        let moved = to.body_from_scanner.perturbation_from(&from.body_from_scanner);
+        Reach::ROUGH.times(2.0).is_exceeded(&moved).then(|| {
+            let (turn, shift) = moved;
+            format!(
+                "it ends {} and {:.1}° away from two steps in the mounting of `{}`, farther than initial values are off",
+                number::length(shift.norm()),
+                turn.norm().to_degrees(),
+                to.name,
+            )
+        })
+    })
 }
 
 /// Whether an adjustment did not converge, or is contradicted.
@@ -301,4 +323,27 @@ fn latencies(project: &Project) -> Vec<bool> {
     scanners
         .map(|scanner| scanner.estimate_time_offset)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BodyFromScanner;
+
+    #[test]
+    fn an_adjustment_that_ends_farther_than_initial_values_are_off_is_named() {
+        let from = [Mounting::new("left", BodyFromScanner::identity())];
+        let reason = |turn_rad: f64, shift_m: f64| {
+            let (turn, shift) = (Vec3::x() * turn_rad, Vec3::y() * shift_m);
+            let pose = BodyFromScanner::identity().perturbed(&turn, &shift);
+            beyond_initial_values(&from, &[Mounting::new("left", pose)])
+        };
+        assert_eq!(reason(0.1, 0.19), None);
+        let far = reason(0.0, 0.25).unwrap();
+        assert!(
+            far.contains("250 mm and 0.0° away") && far.contains("`left`"),
+            "{far}"
+        );
+        assert!(reason(0.14, 0.0).unwrap().contains("8.0° away"));
+    }
 }

@@ -143,18 +143,9 @@ impl Ended {
         let moving = true_mountings(scenario, drive)?;
         let bending = joint.map_or(&[][..], |joint| &joint.drives[0].bending);
         average_over_motion(&mut truth, &mut mountings, &moving, bending);
-        let directions = calibration.observability.unobservable.iter();
-        let held: Vec<(usize, usize)> = directions.flat_map(|d| d.parameters.clone()).collect();
-        let deviations = match &calibration.covariance {
+        let deviations = match &calibration.determined_covariance() {
             None => Vec::new(),
-            Some(all) => deviations(&mountings, &truth, |place| {
-                let is_held = held.contains(&(place / 6, place % 6));
-                if is_held {
-                    0.0
-                } else {
-                    all[(place, place)].sqrt()
-                }
-            }),
+            Some(all) => deviations(&mountings, &truth, |place| all[(place, place)].sqrt()),
         };
         let check = Check {
             scenario,
@@ -165,7 +156,8 @@ impl Ended {
             reference: &[],
         };
         // What nothing determines of the mountings is not in the standard deviations of points.
-        let points = joint.filter(|_| held.is_empty()).and_then(|joint| {
+        let determined = joint.filter(|_| calibration.observability.unobservable.is_empty());
+        let points = determined.and_then(|joint| {
             let late = |l: &Option<(f64, f64)>| l.map_or(0.0, |l| l.0);
             let late_s: Vec<f64> = joint.late_s.iter().map(late).collect();
             Points::of(&check.point_errors(joint, &late_s), scenario.seed)

@@ -1,10 +1,11 @@
-//! Alignment of clouds that may lie apart: the start of the coarsest scale.
+//! Alignment of clouds that may lie apart, on coarse scales.
 //!
 //! Neighbourhoods of the nearest points are flat where the clouds agree, but also where they have separated, so that
-//! each contains points of only one cloud, and where a turn of the fan out of its plane has reduced the relief. Their
-//! thickness alone therefore leads astray from a start that is not near. Here a neighbourhood holds points of every
-//! cloud around its centre, a cloud being one pass of one scanner, or the reference; and only what the means of the
-//! clouds deviate from their common plane counts, in units of the scatter within the clouds:
+//! each contains points of only one cloud, and where a turn of the fan out of its plane has reduced the relief; coarse
+//! ones also where a small board no longer lies above the ground. Their thickness alone therefore leads astray. Here a
+//! neighbourhood holds points of every cloud around its centre, a cloud being one pass of one scanner, or the reference;
+//! and only what the means of the clouds deviate from their common plane counts, in units of the scatter within the
+//! clouds:
 //!
 //!   Σ √(1 + v_b / (v_w + s²)),  v_b = Σ_c (n_c/k) (n·(x̄_c − x̄))²
 //!
@@ -24,6 +25,7 @@ use crate::cloud::{NeighbourIndex, StructureTensor};
 use crate::error::Result;
 use crate::geometry::{Mat3, Vec3};
 use crate::progress::Progress;
+use crate::statistics::mean;
 use crate::surface::{Placed, SurfaceCloud};
 
 /// The nearest points among which those of a neighbourhood are chosen, for each of its points.
@@ -49,6 +51,19 @@ const ALIGNED_SHARE: f64 = 0.02;
 /// threads.
 const CHUNK: usize = 512;
 
+/// Mountings with which the clouds agree.
+pub struct Aligned {
+    /// The mountings.
+    pub mountings: Vec<Mounting>,
+    /// The mean ln(v_b + v_w + s²) of the neighbourhoods before every step: their thickness, as in the
+    /// [cost](super::cost). Empty if there are none.
+    pub costs: Vec<f64>,
+    /// Number of neighbourhoods before the last step.
+    pub neighbourhoods: usize,
+    /// Number of steps.
+    pub steps: usize,
+}
+
 /// Moves the mountings until the clouds of `problem` agree, and leaves what the clouds do not determine.
 ///
 /// # Errors
@@ -56,32 +71,47 @@ const CHUNK: usize = 512;
 pub fn align(
     problem: &ScaleProblem,
     start: &[Mounting],
-    pass_gap_s: f64,
     progress: &dyn Progress,
-) -> Result<Vec<Mounting>> {
+) -> Result<Aligned> {
     let cloud = &problem.cloud;
-    let mut now = start.to_vec();
-    for _ in 0..MAX_STEPS {
+    let mut aligned = Aligned {
+        mountings: start.to_vec(),
+        costs: Vec::new(),
+        neighbourhoods: 0,
+        steps: 0,
+    };
+    while aligned.steps < MAX_STEPS {
         progress.check()?;
-        let placed = cloud.place(&poses(&now));
-        let patches = patches(problem, &placed, pass_gap_s);
+        progress.advance(1);
+        let now = &aligned.mountings;
+        let placed = cloud.place(&poses(now));
+        let patches = patches(problem, &placed);
+        aligned.neighbourhoods = patches.len();
+        let costs = patches.iter().map(|patch| {
+            let [_, all] = patch.variances(&patch.offsets(&placed.world), problem.floor_m);
+            all.ln()
+        });
+        if !patches.is_empty() {
+            aligned.costs.push(mean(&costs.collect::<Vec<f64>>()));
+        }
+        aligned.steps += 1;
         let equations = normal_equations(&patches, cloud, &placed, problem.floor_m);
-        let Some(step) = step(&equations, start, &now) else {
+        let Some(step) = step(&equations, start, now) else {
             break;
         };
-        let length_m = |there: &[Mounting]| cloud.largest_displacement(&poses(&now), &poses(there));
-        let mut there = moved(&now, &step);
+        let length_m = |there: &[Mounting]| cloud.largest_displacement(&poses(now), &poses(there));
+        let mut there = moved(now, &step);
         let step_m = length_m(&there);
         // Farther away there are other neighbours.
         if step_m > problem.voxel_m {
-            there = moved(&now, &(step * (problem.voxel_m / step_m)));
+            there = moved(now, &(step * (problem.voxel_m / step_m)));
         }
-        now = there;
+        aligned.mountings = there;
         if step_m < ALIGNED_SHARE * problem.voxel_m {
             break;
         }
     }
-    Ok(now)
+    Ok(aligned)
 }
 
 /// The points of one cloud in a neighbourhood.
@@ -100,7 +130,7 @@ struct Patch {
 }
 
 /// The neighbourhoods of points evenly spaced in their order.
-fn patches(problem: &ScaleProblem, placed: &Placed, pass_gap_s: f64) -> Vec<Patch> {
+fn patches(problem: &ScaleProblem, placed: &Placed) -> Vec<Patch> {
     let count = problem.cloud.movable.len();
     let stride = count.div_ceil(MAX_CENTRES).max(1);
     let centres: Vec<Vec3> = placed.world[..count]
@@ -113,7 +143,7 @@ fn patches(problem: &ScaleProblem, placed: &Placed, pass_gap_s: f64) -> Vec<Patc
     let each = (nearest.len() / centres.len().max(1)).max(1);
     let neighbourhoods = centres.par_iter().zip(nearest.par_chunks_exact(each));
     let patches = neighbourhoods.filter_map(|(centre, nearest)| {
-        let mut clouds = clouds(&problem.cloud, nearest, pass_gap_s);
+        let mut clouds = clouds(&problem.cloud, nearest, problem.pass_gap_s);
         let share = problem.k.div_ceil(clouds.len().max(1)).max(FEWEST);
         for cloud in &mut clouds {
             let distance = |point: &u32| (placed.world[*point as usize] - centre).norm_squared();
@@ -299,20 +329,38 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::calibration::adjust::minimise;
+    use crate::calibration::observability::Observability;
     use crate::geometry::{BodyFromScanner, Rotation, WorldFromBody};
     use crate::progress::Silent;
     use crate::statistics::rms;
     use crate::surface::{Profile, ProfilePoint};
 
     const VOXEL_M: f64 = 0.03;
-    const GAP_S: f64 = 3.0;
 
-    fn ground_m(x: f64, y: f64) -> f64 {
+    /// The height of the ground at a place.
+    type Ground = fn(f64, f64) -> f64;
+
+    fn waves_m(x: f64, y: f64) -> f64 {
         0.06 * (3.0 * x).sin() + 0.05 * (4.0 * y + 1.0).cos()
     }
 
-    /// Scanners that look down from 1 m over wavy ground, each on the given passes: start, direction along x.
-    fn problem(passes: &[&[f64]]) -> (ScaleProblem, Vec<Mounting>) {
+    /// Flat ground with three boards of 0.3 m, tilted by 45° towards different sides.
+    fn boards_m(x: f64, y: f64) -> f64 {
+        let boards = [(-0.4, -0.3, 0.0), (0.1, 0.35, 2.1), (0.45, -0.2, 4.2)];
+        let heights = boards
+            .iter()
+            .filter_map(|(east, north, azimuth): &(f64, f64, f64)| {
+                let (x, y) = (x - east, y - north);
+                let up = x * azimuth.cos() + y * azimuth.sin();
+                let aside = y * azimuth.cos() - x * azimuth.sin();
+                (up.abs() < 0.1 && aside.abs() < 0.15).then_some(0.25 + up)
+            });
+        heights.sum()
+    }
+
+    /// Scanners that look down from 1 m, each on the given passes: start, direction along x.
+    fn problem(ground_m: Ground, passes: &[&[f64]]) -> (ScaleProblem, Vec<Mounting>) {
         let mut cloud = SurfaceCloud::new(Vec::new());
         let mut mountings = Vec::new();
         for (scanner, passes) in passes.iter().enumerate() {
@@ -351,47 +399,72 @@ mod tests {
             floor_m: 0.002,
             k: 30,
             stride: 1,
-            max_iterations: 1,
+            max_iterations: 30,
+            pass_gap_s: 3.0,
         };
         (problem, mountings)
     }
 
+    /// Root mean square of the heights above the ground, metres; nothing determines their mean.
+    fn scatter_m(ground_m: Ground, problem: &ScaleProblem, mountings: &[Mounting]) -> f64 {
+        let placed = problem.cloud.place(&poses(mountings));
+        let heights = placed.world.iter().map(|p| p.z - ground_m(p.x, p.y));
+        let heights: Vec<f64> = heights.collect();
+        let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+        rms(heights.iter().map(|height| height - mean))
+    }
+
     #[test]
     fn clouds_that_lie_apart_come_together() {
-        let (problem, truth) = problem(&[&[0.0, 1.6, 3.1], &[0.0, 1.6, 3.1]]);
+        let passes: &[&[f64]] = &[&[0.0, 1.6, 3.1], &[0.0, 1.6, 3.1]];
+        let (problem, truth) = problem(waves_m, passes);
         let mut start = truth.clone();
         let off = (Vec3::new(0.02, -0.03, 0.02), Vec3::new(0.02, -0.03, 0.1));
         let pose = &mut start[1].body_from_scanner;
         *pose = pose.perturbed(&off.0, &off.1);
-        let end = align(&problem, &start, GAP_S, &Silent).unwrap();
-        // Heights above the ground; nothing determines their mean.
-        let scatter_m = |mountings: &[Mounting]| {
-            let placed = problem.cloud.place(&poses(mountings));
-            let heights = placed.world.iter().map(|p| p.z - ground_m(p.x, p.y));
-            let heights: Vec<f64> = heights.collect();
-            let mean = heights.iter().sum::<f64>() / heights.len() as f64;
-            rms(heights.iter().map(|height| height - mean))
-        };
-        let [before, after] = [&start, &end].map(|mountings| scatter_m(mountings));
+        let end = align(&problem, &start, &Silent).unwrap();
+        let [before, after] =
+            [&start, &end.mountings].map(|mountings| scatter_m(waves_m, &problem, mountings));
         println!("{:.1} mm, then {:.1} mm", 1e3 * before, 1e3 * after);
         // The scale that follows corrects half a voxel.
         assert!(before > 1.5 * VOXEL_M && after < 0.5 * VOXEL_M);
     }
 
     #[test]
+    fn small_boards_on_flat_ground_hold_the_mountings() {
+        let passes: &[&[f64]] = &[&[0.0, 1.6, 3.1], &[0.0, 1.6, 3.1]];
+        let (problem, truth) = problem(boards_m, passes);
+        let mut begin = truth.clone();
+        let pose = &mut begin[1].body_from_scanner;
+        *pose = pose.perturbed(&Vec3::new(0.02, -0.03, 0.02), &Vec3::new(0.02, -0.03, 0.1));
+        let aligned = align(&problem, &begin, &Silent).unwrap().mountings;
+        // Neighbourhoods of 30 points are as wide as half a board.
+        let start = problem.at(begin.clone());
+        let all = Observability::new(&start.equations, &start.mountings);
+        let flattest = minimise(&problem, start, &all, &Silent).unwrap();
+        let flattest = flattest.state.mountings;
+        let [before, aligned, flattest] = [&begin, &aligned, &flattest]
+            .map(|mountings| 1e3 * scatter_m(boards_m, &problem, mountings));
+        println!("{before:.1} mm, aligned {aligned:.1} mm, flattest {flattest:.1} mm");
+        // Most of what remains are points at the edges of boards, a quarter of a metre too high or too low.
+        assert!(aligned < 0.5 * before && flattest > 0.9 * before);
+    }
+
+    #[test]
     fn a_cloud_alone_stays() {
-        let (problem, truth) = problem(&[&[0.0]]);
-        assert_eq!(align(&problem, &truth, GAP_S, &Silent).unwrap(), truth);
+        let (problem, truth) = problem(waves_m, &[&[0.0]]);
+        let end = align(&problem, &truth, &Silent).unwrap();
+        assert_eq!(end.mountings, truth);
     }
 
     #[test]
     fn the_gradient_matches_finite_differences() {
-        let (problem, mut mountings) = problem(&[&[0.0, 1.6], &[0.4]]);
+        let (problem, mut mountings) = problem(waves_m, &[&[0.0, 1.6], &[0.4]]);
         let pose = &mut mountings[1].body_from_scanner;
         *pose = pose.perturbed(&Vec3::new(0.01, 0.02, -0.01), &Vec3::new(0.0, 0.01, 0.03));
         let cloud = &problem.cloud;
         let placed = cloud.place(&poses(&mountings));
-        let patches = patches(&problem, &placed, GAP_S);
+        let patches = patches(&problem, &placed);
         let gradient = normal_equations(&patches, cloud, &placed, problem.floor_m).gradient;
         let cost = |mountings: &[Mounting]| -> f64 {
             let placed = cloud.place(&poses(mountings));

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::adjust::minimise;
 use super::align::align;
 use super::input::Input;
 use super::observability::Observability;
@@ -86,15 +85,13 @@ impl Minimum {
             floor_m: input.floor_m(voxel_m),
             k: settings.neighbours,
             max_iterations: settings.max_iterations,
+            pass_gap_s: settings.pass_gap_s,
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
-        let adjusted = |mountings: Vec<Mounting>| -> Result<State> {
-            let aligned = align(&problem, &mountings, settings.pass_gap_s, progress)?;
-            let start = problem.at(aligned);
-            let observability = Observability::new(&start.equations, &start.mountings);
-            Ok(minimise(&problem, start, &observability, progress)?.state)
+        let aligned = |mountings: &[Mounting]| -> Result<State> {
+            Ok(problem.at(align(&problem, mountings, progress)?.mountings))
         };
-        let nearest_minimum = adjusted(solution.to_vec())?;
+        let nearest_minimum = aligned(solution)?;
         // All axes are moved at once.
         let shift_m = voxel_m.min(Reach::ROUGH.shift_m / 3f64.sqrt());
         let turn_rad = (voxel_m / range_m).min(Reach::ROUGH.turn_rad / 3f64.sqrt());
@@ -115,7 +112,7 @@ impl Minimum {
                 length * drawn_sign(start * entries as u64 + i as u64)
             });
             let away = &determined * (determined.transpose() * away);
-            let end = adjusted(moved(&nearest_minimum.mountings, &away))?;
+            let end = aligned(&moved(&nearest_minimum.mountings, &away))?;
             if minimum.ends_elsewhere(&input.mountings, &nearest_minimum, &end, voxel_m) {
                 others.push(end.mountings);
             }

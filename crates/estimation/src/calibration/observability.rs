@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
+use super::settings::INITIAL_SIGMA_M;
 use crate::geometry::EulerConvention;
 
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
@@ -164,12 +165,23 @@ impl UnobservableDirection {
 
     /// Whether it moves this component of (δp, δφ) by at least [`MOVED_SHARE`] of its largest.
     pub(super) fn moves_row(&self, row: usize) -> bool {
-        let amount = |row: usize| {
-            let lever_m = if row % 6 < 3 { 1.0 } else { LEVER_M };
-            lever_m * self.direction[row].abs()
-        };
-        let largest = (0..self.direction.len()).map(amount).fold(0.0, f64::max);
-        amount(row) > MOVED_SHARE * largest
+        self.amount_m(row) > MOVED_SHARE * self.largest_m()
+    }
+
+    /// The error of initial values along it, one standard deviation: held at them, the mountings are off by so much.
+    pub(super) fn initial_error(&self) -> DVector<f64> {
+        &self.direction * (INITIAL_SIGMA_M / self.largest_m())
+    }
+
+    /// How far it moves a component of (δp, δφ), metres.
+    fn amount_m(&self, row: usize) -> f64 {
+        let lever_m = if row % 6 < 3 { 1.0 } else { LEVER_M };
+        lever_m * self.direction[row].abs()
+    }
+
+    fn largest_m(&self) -> f64 {
+        let rows = 0..self.direction.len();
+        rows.map(|row| self.amount_m(row)).fold(0.0, f64::max)
     }
 
     /// P n: the direction restricted to the parameters it mainly moves, rotations weighted by
@@ -324,6 +336,9 @@ mod tests {
             "all scanners' common height"
         );
         assert_eq!(seen.unobservable[0].parameters, [(0, 2), (1, 2)]);
+        // Held at initial values, both heights are as wrong as these.
+        let error = seen.unobservable[0].initial_error();
+        assert!((error[2] - INITIAL_SIGMA_M).abs() < 1e-12 && (error[8] - error[2]).abs() < 1e-12);
         let held = seen.determined(&two());
         assert_eq!(held.ncols(), 11);
         assert!((held.transpose() * &null).norm() < 1e-12);

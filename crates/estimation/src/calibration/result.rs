@@ -52,8 +52,8 @@ pub struct Scale {
     pub reference_points: usize,
     /// Number of neighbourhoods in the cost.
     pub neighbourhoods: usize,
-    /// The method's own cost before the first and after every iteration: Σ ln(λ₃ + s²) of the
-    /// neighbourhoods, or the paper's Σσ² (m⁴).
+    /// The method's own cost before the first and after every iteration, as a mean over the neighbourhoods:
+    /// ln(λ₃ + s²), or the paper's σ² (m⁴). Of a scale that only [aligns](Ending::Aligned), that before every step.
     pub costs: Vec<f64>,
     /// The last cost.
     pub cost: f64,
@@ -97,7 +97,7 @@ impl Calibration {
     /// `scanner` in `convention`; `None` for fixed and unobservable parameters.
     pub fn sigmas(&self, scanner: usize, convention: EulerConvention) -> [Option<f64>; 6] {
         let mounting = &self.mountings[scanner];
-        let Some(covariance) = &self.covariance else {
+        let Some(covariance) = self.covariance_with_held() else {
             return [None; 6];
         };
         let block = covariance.fixed_view::<6, 6>(6 * scanner, 6 * scanner);
@@ -142,10 +142,20 @@ impl Calibration {
         self
     }
 
+    /// The covariance with the errors of initial values along the directions that are held at them. They move all
+    /// parameters, some so little that these still have a standard deviation.
+    fn covariance_with_held(&self) -> Option<DMatrix<f64>> {
+        let held = self.observability.unobservable.iter();
+        held.fold(self.covariance.clone(), |covariance, direction| {
+            let error = direction.initial_error();
+            covariance.map(|all| all + &error * error.transpose())
+        })
+    }
+
     /// The covariance with NaN for fixed and unobservable parameters: what is held has no standard deviation, though
     /// the distances between scanners that are held together have one.
     pub fn determined_covariance(&self) -> Option<DMatrix<f64>> {
-        let covariance = self.covariance.as_ref()?;
+        let covariance = self.covariance_with_held()?;
         let size = covariance.nrows();
         let directions = &self.observability.unobservable;
         let is_determined = |row: usize| {

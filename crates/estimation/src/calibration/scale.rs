@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::cost::{NormalEquations, cost, normal_equations};
 use super::observability::Observability;
 use super::parameters::{Mounting, poses};
+use super::settings::Reach;
+use crate::statistics::median;
 use crate::surface::{Surface, SurfaceCloud};
 
 /// The adjustment problem of one scale.
@@ -25,6 +27,8 @@ pub struct ScaleProblem {
     pub stride: usize,
     /// Maximum number of iterations.
     pub max_iterations: usize,
+    /// Time after which a scanner that comes back begins another pass, seconds.
+    pub pass_gap_s: f64,
 }
 
 /// The surface and the normal equations at given mountings.
@@ -56,6 +60,15 @@ impl ScaleProblem {
             state,
             floor_m: self.floor_m,
         }
+    }
+
+    /// Whether some point lies farther apart with `there` than with `here`, at the median range, than initial values can be
+    /// wrong.
+    pub fn is_far(&self, here: &[Mounting], there: &[Mounting]) -> bool {
+        let points = self.cloud.movable.iter();
+        let range_m = median(points.map(|point| point.position_m.norm())).unwrap_or(0.0);
+        let apart_m = self.cloud.largest_displacement(&poses(here), &poses(there));
+        apart_m > Reach::WRONG.displacement_m(range_m)
     }
 
     /// Builds the normal equations of a surface placed with `mountings`.
@@ -105,10 +118,13 @@ pub enum Ending {
     /// New neighbourhoods no longer lower the cost; the best mountings so far are the result.
     #[serde(rename = "converged: new neighbourhoods no longer lower the cost")]
     Alternating,
-    /// The neighbourhoods are flatter only farther away than initial values can be wrong, where the clouds have separated or
-    /// lost their relief: the mountings stay as the scale began.
-    #[serde(rename = "kept at the start: flatter only far away")]
+    /// A coarse scale whose clouds agree.
+    #[serde(rename = "aligned")]
     Aligned,
+    /// The clouds fit better only farther away than initial values can be wrong, where they have separated or lost their
+    /// relief: the mountings stay as the scale began.
+    #[serde(rename = "kept at the start: fits better only far away")]
+    Kept,
     /// The data determine no direction of a step.
     #[serde(rename = "not determined by the data")]
     NotDetermined,
@@ -122,7 +138,7 @@ impl Ending {
     pub fn is_converged(self) -> bool {
         matches!(
             self,
-            Self::Converged | Self::CostFloor | Self::Alternating | Self::Aligned
+            Self::Converged | Self::CostFloor | Self::Alternating | Self::Aligned | Self::Kept
         )
     }
 }

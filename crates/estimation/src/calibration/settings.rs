@@ -42,6 +42,14 @@ impl Reach {
         turn_rad: 0.35,
     };
 
+    /// So many times this distance.
+    pub fn times(&self, factor: f64) -> Self {
+        Self {
+            shift_m: factor * self.shift_m,
+            turn_rad: factor * self.turn_rad,
+        }
+    }
+
     /// Whether a perturbation of a mounting is larger than this: a rotation vector (radians) or a shift (metres).
     pub fn is_exceeded(&self, (turn, shift): &(Vec3, Vec3)) -> bool {
         shift.norm() > self.shift_m || turn.norm() > self.turn_rad
@@ -52,6 +60,10 @@ impl Reach {
         self.shift_m + self.turn_rad * range_m
     }
 }
+
+/// Standard deviation of initial values along any direction, metres: a quarter of their largest error. Rotations are
+/// converted by [`LEVER_M`](super::observability::LEVER_M).
+pub const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
 
 /// Settings of the calibration.
 #[derive(Debug, Clone, PartialEq)]

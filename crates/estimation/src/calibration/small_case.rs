@@ -65,6 +65,7 @@ pub fn problem(cloud: SurfaceCloud) -> ScaleProblem {
         k: 20,
         stride: 1,
         max_iterations: 30,
+        pass_gap_s: 3.0,
     }
 }
 

@@ -10,7 +10,7 @@ use super::pose_errors::learn_pose_errors;
 use super::problem::JointProblem;
 use super::state::State;
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
-use crate::calibration::Reach;
+use crate::calibration::INITIAL_SIGMA_M;
 use crate::calibration::observability::LEVER_M;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -28,9 +28,6 @@ const MAX_SCALINGS: usize = 3;
 const MAX_SCALINGS_OF_POSES: usize = 15;
 /// The errors of poses have settled if no σ changes by more than this, as a logarithm.
 const SETTLED_POSES: f64 = 0.1;
-/// A parameter with a larger standard deviation is not determined, metres: initial values are about as good. Rotations
-/// are converted by [`LEVER_M`].
-const MAX_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
 /// Share of all steps that is kept for the end, and that may be taken before points are sorted or the noise is estimated
 /// again, which makes more of the steps that follow.
 const STEPS_SHARE: f64 = 0.2;
@@ -217,7 +214,7 @@ pub fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Ve
 }
 
 /// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
-/// [`MAX_SIGMA_M`]. Without a reference and with a lever arm that is estimated, the common height is
+/// [`INITIAL_SIGMA_M`], so that initial values are as good. Without a reference and with a lever arm that is estimated, the common height is
 /// one of them: its standard deviation is then that of the prior of the lever arm.
 fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
     let count = 6 * problem.input.mountings.len();
@@ -236,7 +233,7 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
         .filter_map(|k| {
             let direction = eigen.eigenvectors.column(k);
             let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
-            (sigma_m * direction.amax() > MAX_SIGMA_M).then(|| {
+            (sigma_m * direction.amax() > INITIAL_SIGMA_M).then(|| {
                 (
                     sigma_m,
                     DVector::from_fn(count, |i, _| direction[i] * scale(i)),

@@ -39,7 +39,6 @@ impl Run<'_> {
     /// neighbourhoods, so that it does not depend on their number.
     fn cost(&self, scale: &Scale) -> Vec<f64> {
         let means = scale.costs.iter();
-        let means = means.map(|cost| cost / scale.neighbourhoods as f64);
         match self.calibration.method {
             // exp(½ mean ln(λ₃ + s²)): the geometric mean of √(λ₃ + s²).
             Method::TwoStep | Method::Joint => means.map(|mean| 1e3 * (0.5 * mean).exp()).collect(),
@@ -192,7 +191,7 @@ fn chart(run: &Run) -> String {
     html::figure(
         &plot.finish("Cost over iterations"),
         &format!(
-            "{}: {definition}, before the first and after every iteration of each scale. Each scale has its own points, so values are comparable only within a column.",
+            "{}: {definition}, over the iterations of each scale. Each scale has its own points, so values are comparable only within a column.",
             run.label
         ),
     )
