@@ -336,8 +336,11 @@ fn gain_of(
 fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Constant> {
     let sensors = 0..settings.positions.len();
     let of_positions = sensors.flat_map(|i| {
-        let times = [Constant::TimeOffset(i), Constant::TimeDrift(i)];
-        [Constant::LeverArm(i)].into_iter().chain(times)
+        let drift = Constant::TimeDrift(i);
+        let drift = ClockCorrection::of(drift, logs).map(|_| drift);
+        [Constant::LeverArm(i), Constant::TimeOffset(i)]
+            .into_iter()
+            .chain(drift)
     });
     let has_heading = !logs.heading.is_empty();
     let offset = has_heading.then_some(Constant::HeadingOffset);
