@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Tests the Python package in a new environment: as a wheel in the profile `release`, or with the argument `built`
 # beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing, without the tests
-# marked `long`. If Python, pip or the packages of the tests are not available, it prints this and succeeds.
+# marked `long`. With the argument `packages`, it only makes the environment of `built`, which takes it once. If Python,
+# pip or the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -12,10 +13,14 @@ without() {
 target="${CARGO_TARGET_DIR:-$PWD/target}"
 python=$(command -v python3) || without "no python3"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || without "python3 is older than 3.11, which the tests need"
+mode=${1:-wheel}
 folder="$target/python"
-rm -rf "$folder"
-mkdir -p "$folder"
-"$python" -m venv "$folder/venv" >/dev/null 2>&1 || without "no module venv with pip"
+ready="$folder/ready"
+if [[ $mode != built || ! -e $ready ]]; then
+    rm -rf "$folder"
+    mkdir -p "$folder"
+    "$python" -m venv "$folder/venv" >/dev/null 2>&1 || without "no module venv with pip"
+fi
 python="$folder/venv/bin/python"
 pip=("$python" -m pip --quiet --disable-pip-version-check)
 
@@ -26,16 +31,21 @@ install() {
 }
 
 chosen=()
-if [[ ${1:-wheel} == built ]]; then
+if [[ $mode != wheel ]]; then
     chosen=(-m "not long")
-    packages=$("$python" - <<'PACKAGES'
+    if [[ ! -e $ready ]]; then
+        packages=$("$python" - <<'PACKAGES'
 import tomllib
 project = tomllib.load(open("python/pyproject.toml", "rb"))["project"]
 print("\n".join(project["dependencies"] + project["optional-dependencies"]["test"]))
 PACKAGES
-    )
-    mapfile -t packages <<<"$packages"
-    install "${packages[@]}" || without "the packages of the tests cannot be had"
+        )
+        mapfile -t packages <<<"$packages"
+        install "${packages[@]}" || without "the packages of the tests cannot be had"
+        touch "$ready"
+    fi
+    [[ $mode == built ]] || exit 0
+    rm "$ready"
     installed=$("$python" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')/boresight
     cp -r python/package/boresight "$installed"
     cp "$target/debug/lib_boresight.so" "$installed/_boresight.abi3.so"
