@@ -338,7 +338,9 @@ mod tests {
         assert_eq!(seen.unobservable[0].parameters, [(0, 2), (1, 2)]);
         // Held at initial values, both heights are as wrong as these.
         let error = seen.unobservable[0].initial_error();
-        assert!((error[2] - INITIAL_SIGMA_M).abs() < 1e-12 && (error[8] - error[2]).abs() < 1e-12);
+        assert!(
+            (error[2].abs() - INITIAL_SIGMA_M).abs() < 1e-12 && (error[8] - error[2]).abs() < 1e-12
+        );
         let held = seen.determined(&two());
         assert_eq!(held.ncols(), 11);
         assert!((held.transpose() * &null).norm() < 1e-12);
