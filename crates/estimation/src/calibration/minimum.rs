@@ -1,8 +1,6 @@
 //! Test whether the minimum is the only one within reach: the mountings are moved away several times, by as much
 //! as the coarsest scale can correct and rough initial values are wrong, and must come back.
 
-use std::sync::Arc;
-
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +13,7 @@ use super::settings::{CalibrationSettings, Reach};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::progress::{Progress, Steps};
-use crate::statistics::{drawn_sign, median};
+use crate::statistics::drawn_sign;
 
 /// Most neighbourhoods; few are enough to locate minima.
 const MAX_CENTRES: usize = 20_000;
@@ -71,21 +69,12 @@ impl Minimum {
         let Some(&voxel_m) = settings.voxel_sizes_m.first() else {
             return Ok(None);
         };
-        let Ok(cloud) = input.thinned(solution, voxel_m, settings) else {
+        let problem = ScaleProblem::new(input, solution, voxel_m, MAX_CENTRES, settings);
+        let Ok(problem) = problem else {
             return Ok(None);
         };
-        let ranges_m = cloud.movable.iter().map(|point| point.position_m.norm());
-        let Some(range_m) = median(ranges_m) else {
+        let Some(range_m) = problem.range_m() else {
             return Ok(None);
-        };
-        let problem = ScaleProblem {
-            stride: cloud.movable.len().div_ceil(MAX_CENTRES).max(1),
-            cloud: Arc::new(cloud),
-            voxel_m,
-            floor_m: input.floor_m(voxel_m),
-            k: settings.neighbours,
-            max_iterations: settings.max_iterations,
-            pass_gap_s: settings.pass_gap_s,
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
         let aligned = |mountings: &[Mounting]| -> Result<State> {

@@ -28,7 +28,6 @@ mod spacing;
 mod uncertainty;
 mod variant;
 
-use std::sync::Arc;
 use std::time::Instant;
 
 pub use constancy::{Block, Constancy, Correlation};
@@ -93,32 +92,29 @@ pub fn calibrate(
         Method::TwoStep | Method::Joint => STEPS,
     };
     let stage = progress.stage("calibration", weights.sum());
-    let mut scales = Vec::new();
-    let mut solve = |mountings, voxel_m| -> Result<Solved> {
-        let steps = Steps::new(progress, expected, weight(voxel_m));
-        let solved = solve_scale(input, mountings, voxel_m, settings, &steps);
-        steps.finish();
-        let (solved, scale) = solved?;
+    let steps = |voxel_m| Steps::new(progress, expected, weight(voxel_m));
+    let mut scales: Vec<Scale> = Vec::new();
+    let mut add = |scale: Scale| {
         let (points, iterations, ending) = (scale.points, scale.iterations, scale.ending);
+        let voxels = format!("voxels of {:.0} mm", scale.voxel_m * 1e3);
         progress.say(&format!(
-            "voxels of {:.0} mm: {points} points, {iterations} iterations, {ending}",
-            voxel_m * 1e3,
+            "{voxels}: {points} points, {iterations} iterations, {ending}"
         ));
+        show(input, &scale.mountings, &voxels, progress);
         scales.push(scale);
-        show(
-            input,
-            &solved.state.mountings,
-            &format!("voxels of {:.0} mm", voxel_m * 1e3),
-            progress,
-        );
-        progress.check()?;
-        Ok(solved)
+        progress.check()
     };
     let mut mountings = input.mountings.clone();
     show(input, &mountings, "start", progress);
     for &voxel_m in coarser_m {
-        mountings = match solve(mountings.clone(), voxel_m) {
-            Ok(solved) => solved.state.mountings,
+        let steps = steps(voxel_m);
+        let scale = pass_scale(input, mountings.clone(), voxel_m, settings, &steps);
+        steps.finish();
+        match scale {
+            Ok(scale) => {
+                mountings.clone_from(&scale.mountings);
+                add(scale)?;
+            }
             // A scale that is too coarse for the scene leaves its work to the next.
             Err(Error::Data {
                 kind: Problem::TooFew,
@@ -127,12 +123,15 @@ pub fn calibrate(
             }) => {
                 progress.say(&format!("skipping a scale: {problem}"));
                 progress.check()?;
-                mountings
             }
             Err(error) => return Err(error),
-        };
+        }
     }
-    let solved = solve(mountings, finest_m)?;
+    let steps = steps(finest_m);
+    let solved = solve_scale(input, mountings, finest_m, settings, &steps);
+    steps.finish();
+    let (solved, scale) = solved?;
+    add(scale)?;
     drop(stage);
     // The covariance takes about as long as the search for other minima.
     let _stage = progress.stage("uncertainty", 2 * Minimum::STEPS);
@@ -187,19 +186,20 @@ fn follow(
     let progress = &Steps::new(progress, 1, 0);
     let mut begin = other;
     let mut finest = None;
-    for &voxel_m in settings.voxel_sizes_m.iter().skip(1) {
-        finest = match solve_scale(input, begin.clone(), voxel_m, settings, progress) {
-            Ok((solved, _)) => {
-                begin.clone_from(&solved.state.mountings);
-                Some((solved.state, voxel_m))
-            }
+    let finer_m = settings.voxel_sizes_m.get(1..);
+    if let Some((&finest_m, middle_m)) = finer_m.and_then(<[f64]>::split_last) {
+        for &voxel_m in middle_m {
+            let scale = pass_scale(input, begin.clone(), voxel_m, settings, progress);
             // As in `calibrate`, the next scale begins where this one did.
-            Err(Error::Data {
-                kind: Problem::TooFew,
-                ..
-            }) => None,
-            Err(error) => return Err(error),
-        };
+            if let Some(scale) = unless_too_few(scale)? {
+                begin = scale.mountings;
+            }
+        }
+        let solved = solve_scale(input, begin.clone(), finest_m, settings, progress);
+        if let Some((solved, scale)) = unless_too_few(solved)? {
+            begin = scale.mountings;
+            finest = Some((solved.state, finest_m));
+        }
     }
     // Without finer scales, it stays another minimum.
     let is_elsewhere = finest.is_none_or(|(end, voxel_m): (State, f64)| {
@@ -209,6 +209,17 @@ fn follow(
         minimum.alternative = Some(begin);
     }
     Ok(())
+}
+
+/// `None` if a scale has too few points.
+fn unless_too_few<T>(result: Result<T>) -> Result<Option<T>> {
+    match result {
+        Err(Error::Data {
+            kind: Problem::TooFew,
+            ..
+        }) => Ok(None),
+        other => other.map(Some),
+    }
 }
 
 /// Offers the clouds with these mountings, and the reference.
@@ -229,6 +240,25 @@ fn show(input: &Input<'_>, mountings: &[Mounting], moment: &str, progress: &dyn 
     });
 }
 
+/// A scale before the finest, of which only the mountings go on.
+fn pass_scale(
+    input: &Input<'_>,
+    mountings: Vec<Mounting>,
+    voxel_m: f64,
+    settings: &CalibrationSettings,
+    progress: &dyn Progress,
+) -> Result<Scale> {
+    let mut finest = settings.voxel_sizes_m.iter().rev().take(FINE_SCALES);
+    if settings.method == Method::Paper || finest.any(|size| *size == voxel_m) {
+        let (_, scale) = solve_scale(input, mountings, voxel_m, settings, progress)?;
+        return Ok(scale);
+    }
+    let started = Instant::now();
+    let problem = ScaleProblem::new(input, &mountings, voxel_m, MAX_CENTRES, settings)?;
+    let (mountings, course) = aligned(&problem, mountings, progress)?;
+    Ok(course.scale(&problem, mountings, started))
+}
+
 /// Thins the points, searches their neighbourhoods, and adjusts the mountings in the directions
 /// that the data determine.
 fn solve_scale(
@@ -239,24 +269,7 @@ fn solve_scale(
     progress: &dyn Progress,
 ) -> Result<(Solved, Scale)> {
     let started = Instant::now();
-    let cloud = input.thinned(&mountings, voxel_m, settings)?;
-    let (points, reference_points) = (cloud.movable.len(), cloud.fixed.len());
-    let problem = ScaleProblem {
-        cloud: Arc::new(cloud),
-        voxel_m,
-        floor_m: input.floor_m(voxel_m),
-        k: settings.neighbours,
-        stride: points.div_ceil(MAX_CENTRES).max(1),
-        max_iterations: settings.max_iterations,
-        pass_gap_s: settings.pass_gap_s,
-    };
-    let sizes = &settings.voxel_sizes_m;
-    let is_coarsest = sizes.first() == Some(&voxel_m);
-    let is_fine = sizes
-        .iter()
-        .rev()
-        .take(FINE_SCALES)
-        .any(|size| *size == voxel_m);
+    let problem = ScaleProblem::new(input, &mountings, voxel_m, MAX_CENTRES, settings)?;
     let (solved, course) = match settings.method {
         Method::Paper => {
             let start = problem.at(mountings.clone());
@@ -266,7 +279,8 @@ fn solve_scale(
             let solved = hold_unobservable_directions(&problem, &input.mountings, adjusted.state);
             (solved, course)
         }
-        Method::TwoStep | Method::Joint if is_fine => {
+        Method::TwoStep | Method::Joint => {
+            let is_coarsest = settings.voxel_sizes_m.first() == Some(&voxel_m);
             let begin = if is_coarsest {
                 aligned(&problem, mountings, progress)?.0
             } else {
@@ -274,23 +288,8 @@ fn solve_scale(
             };
             flattened(&problem, &input.mountings, begin, progress)?
         }
-        Method::TwoStep | Method::Joint => {
-            let (mountings, course) = aligned(&problem, mountings, progress)?;
-            (problem.solved_at(mountings), course)
-        }
     };
-    let scale = Scale {
-        voxel_m,
-        iterations: course.iterations,
-        points,
-        reference_points,
-        neighbourhoods: course.neighbourhoods,
-        cost: course.costs.last().copied().unwrap_or(f64::NAN),
-        costs: course.costs,
-        ending: course.ending,
-        seconds: started.elapsed().as_secs_f64(),
-        mountings: solved.state.mountings.clone(),
-    };
+    let scale = course.scale(&problem, solved.state.mountings.clone(), started);
     Ok((solved, scale))
 }
 
@@ -311,6 +310,22 @@ impl Course {
             neighbourhoods,
             costs: costs.map(|sum| sum / neighbourhoods as f64).collect(),
             ending: adjusted.ending,
+        }
+    }
+
+    /// That of a scale which began at a moment and ends at these mountings.
+    fn scale(self, problem: &ScaleProblem, mountings: Vec<Mounting>, started: Instant) -> Scale {
+        Scale {
+            voxel_m: problem.voxel_m,
+            iterations: self.iterations,
+            points: problem.cloud.movable.len(),
+            reference_points: problem.cloud.fixed.len(),
+            neighbourhoods: self.neighbourhoods,
+            cost: self.costs.last().copied().unwrap_or(f64::NAN),
+            costs: self.costs,
+            ending: self.ending,
+            seconds: started.elapsed().as_secs_f64(),
+            mountings,
         }
     }
 }

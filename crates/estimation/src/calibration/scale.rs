@@ -6,9 +6,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::cost::{NormalEquations, cost, normal_equations};
+use super::input::Input;
 use super::observability::Observability;
 use super::parameters::{Mounting, poses};
-use super::settings::Reach;
+use super::settings::{CalibrationSettings, Reach};
+use crate::error::Result;
 use crate::statistics::median;
 use crate::surface::{Surface, SurfaceCloud};
 
@@ -45,6 +47,36 @@ pub struct State {
 }
 
 impl ScaleProblem {
+    /// The problem of the points that are thinned with voxels of this size, placed with `mountings`, with at most so many
+    /// centres.
+    ///
+    /// # Errors
+    /// Too few points for neighbourhoods.
+    pub fn new(
+        input: &Input<'_>,
+        mountings: &[Mounting],
+        voxel_m: f64,
+        most_centres: usize,
+        settings: &CalibrationSettings,
+    ) -> Result<Self> {
+        let cloud = input.thinned(mountings, voxel_m, settings)?;
+        Ok(Self {
+            stride: cloud.movable.len().div_ceil(most_centres).max(1),
+            cloud: Arc::new(cloud),
+            voxel_m,
+            floor_m: input.floor_m(voxel_m),
+            k: settings.neighbours,
+            max_iterations: settings.max_iterations,
+            pass_gap_s: settings.pass_gap_s,
+        })
+    }
+
+    /// The median range of the scanner points, metres; `None` without any.
+    pub fn range_m(&self) -> Option<f64> {
+        let points = self.cloud.movable.iter();
+        median(points.map(|point| point.position_m.norm()))
+    }
+
     /// Searches the neighbourhoods at `mountings` and builds the normal equations.
     pub fn at(&self, mountings: Vec<Mounting>) -> State {
         let cloud = Arc::clone(&self.cloud);
@@ -65,8 +97,7 @@ impl ScaleProblem {
     /// Whether some point lies farther apart with `there` than with `here`, at the median range, than initial values can be
     /// wrong.
     pub fn is_far(&self, here: &[Mounting], there: &[Mounting]) -> bool {
-        let points = self.cloud.movable.iter();
-        let range_m = median(points.map(|point| point.position_m.norm())).unwrap_or(0.0);
+        let range_m = self.range_m().unwrap_or(0.0);
         let apart_m = self.cloud.largest_displacement(&poses(here), &poses(there));
         apart_m > Reach::WRONG.displacement_m(range_m)
     }

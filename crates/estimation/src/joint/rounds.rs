@@ -214,8 +214,8 @@ pub fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Ve
 }
 
 /// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
-/// [`INITIAL_SIGMA_M`], so that initial values are as good. Without a reference and with a lever arm that is estimated, the common height is
-/// one of them: its standard deviation is then that of the prior of the lever arm.
+/// [`INITIAL_SIGMA_M`], so that initial values are as good. Without a reference and with a lever arm that is estimated, the
+/// common height is one of them: its standard deviation is then that of the prior of the lever arm.
 fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
     let count = 6 * problem.input.mountings.len();
     let Some(shared) = shared else {
