@@ -18,23 +18,33 @@ use std::path::Path;
 
 use boresight::Result;
 use boresight::error::Error;
+use boresight::simulation::Extent;
 use random_series::Series;
 
-const USAGE: &str = "random [SEEDS] [FIRST]";
+const USAGE: &str = "random [SEEDS] [FIRST] [tiny]";
 
 /// The results of the drives, and the figure.
 const FOLDER: &str = "out/random";
+/// Those of tiny drives.
+const TINY: &str = "out/random-tiny";
 
 fn main() -> Result<()> {
-    let numbers = std::env::args().skip(1).map(|argument| {
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let is_tiny = arguments.pop_if(|last| last == "tiny").is_some();
+    let (extent, folder) = if is_tiny {
+        (Extent::TINY, TINY)
+    } else {
+        (Extent::FULL, FOLDER)
+    };
+    let numbers = arguments.iter().map(|argument| {
         let wrong = |_| Error::data(format!("{argument}: not a number"), USAGE);
         argument.parse().map_err(wrong)
     });
     let numbers = numbers.collect::<Result<Vec<u64>>>()?;
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(1);
-    let folder = Path::new(FOLDER);
-    let series = Series::run(first..first + seeds, folder)?;
+    let folder = Path::new(folder);
+    let series = Series::run(first..first + seeds, &extent, folder)?;
     print!("{}", series.summary());
     let file = folder.join("ranks.svg");
     std::fs::write(&file, ranks::figure(&series.ranks())).map_err(|e| Error::io(&file, e))?;

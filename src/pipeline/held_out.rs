@@ -1,5 +1,4 @@
-//! Which of two results predicts scans better that neither has seen: a joint adjustment that a sensor contradicts, or
-//! two steps.
+//! Which of two results predicts scans better that neither has seen: a doubtful joint adjustment, or two steps.
 
 use super::joint_input::{Drive, surfel_m};
 use super::placed::{on_adjusted_poses, on_given_poses};
@@ -15,16 +14,16 @@ use crate::progress::Progress;
 /// Blocks of the drive, of which every second is held out, seconds.
 const BLOCK_S: f64 = 10.0;
 
-/// Repeats both calibrations, in two steps and the joint one that is contradicted, with every second block of the drive's scans, and places the others with each: how far
-/// passes, or passes and the reference, then lie apart. `None` if the rest of the scans is too little for one of them,
-/// or no ground was seen twice.
+/// Repeats both calibrations, in two steps and the doubtful joint one, with every second block of the drive's scans, and
+/// places the others with each: how far passes, or passes and the reference, then lie apart. `None` if the rest of the
+/// scans is too little for one of them, or no ground was seen twice.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).
 pub fn compare(
     drive: &Drive<'_>,
     two_steps: &Calibration,
-    contradicted: &Joint,
+    doubtful: &Joint,
     input: JointInput<'_>,
     progress: &dyn Progress,
 ) -> Result<Option<HeldOut>> {
@@ -78,7 +77,7 @@ pub fn compare(
         two_steps_m: of_two_steps.rms_m,
         joint_m: of_joint.rms_m,
         joint_is_better: of_two_steps.is_worse_than(&of_joint) == Some(true),
-        misfit: misfit(contradicted),
+        misfit: misfit(doubtful),
     }))
 }
 

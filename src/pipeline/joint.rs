@@ -114,7 +114,10 @@ pub fn report(
         Ok((joint, late)) => {
             show(calibration_drive, &joint, reference, progress);
             JointReport {
-                refused: contradictions(&joint),
+                refused: not_converged(&joint)
+                    .into_iter()
+                    .chain(contradictions(&joint))
+                    .collect(),
                 result: Some(joint),
                 late,
                 ..JointReport::default()
@@ -139,7 +142,7 @@ pub fn report(
             let samples = calibration_drive.samples;
             let reason = reason_for_two_steps(samples, cell_m, two_steps, joint);
             report.refused.extend(reason);
-        } else if joint.stop == StopReason::Converged && !report.refused.is_empty() && !fits_alone {
+        } else if !report.refused.is_empty() && !fits_alone {
             let drive = calibration_drive;
             report.held_out = held_out::compare(drive, two_steps, joint, input, progress)?;
         }
@@ -171,7 +174,14 @@ fn beyond_initial_values(from: &[Mounting], to: &[Mounting]) -> Option<String> {
 
 /// Whether an adjustment did not converge, or is contradicted.
 fn is_doubtful(joint: &Joint) -> bool {
-    joint.stop != StopReason::Converged || !contradictions(joint).is_empty()
+    not_converged(joint).is_some() || !contradictions(joint).is_empty()
+}
+
+/// Why an adjustment that did not converge is doubtful: its standard deviations are those of another state.
+fn not_converged(joint: &Joint) -> Option<String> {
+    let iterations = joint.iterations;
+    (joint.stop != StopReason::Converged)
+        .then(|| format!("it did not converge in {iterations} iterations"))
 }
 
 /// Whether mountings move and the reference is displaced: the adjustment may confuse one with the other.

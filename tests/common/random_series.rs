@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use boresight::calibration::PARAMETER_NAMES;
 use boresight::error::{Error, Result};
-use boresight::simulation::Extent;
+use boresight::simulation::{Extent, Scenario};
 
 use super::random_drive::{Ended, WRONG_SIGMAS, Way};
 use super::ranks::{LEVEL, Ranks, probability, rank};
@@ -21,7 +21,7 @@ pub struct Series(pub Vec<Ended>);
 impl Series {
     /// Runs the drives of these seeds, one on each core, except for those whose results from the same program are in
     /// the folder: a series that was interrupted continues. Prints each as it ends.
-    pub fn run(seeds: std::ops::Range<u64>, folder: &Path) -> Result<Self> {
+    pub fn run(seeds: std::ops::Range<u64>, extent: &Extent, folder: &Path) -> Result<Self> {
         let folder = &folder.join(program()?);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let next = AtomicU64::new(seeds.start);
@@ -34,7 +34,7 @@ impl Series {
                 if seed >= seeds.end {
                     return Ok(());
                 }
-                let ended = pool.install(|| kept(seed, folder))?;
+                let ended = pool.install(|| kept(seed, extent, folder))?;
                 println!("{seed}: {}\n    {}", ended.drawn, ended.line());
                 let mut all = all
                     .lock()
@@ -116,16 +116,23 @@ fn program() -> Result<String> {
     Ok(format!("{:032x}", twox_hash::XxHash3_128::oneshot(&bytes)))
 }
 
-/// The result of a drive, from its file in the folder if there is one.
-fn kept(seed: u64, folder: &Path) -> Result<Ended> {
+/// The result of a drive, from its file in the folder if there is one. Beside it is the scenario, with which
+/// `boresight simulate --scenario` simulates the drive again.
+fn kept(seed: u64, extent: &Extent, folder: &Path) -> Result<Ended> {
     let file = folder.join(format!("{seed}.json"));
     if let Ok(text) = std::fs::read_to_string(&file) {
         let wrong = |e| Error::data(format!("{}: {e}", file.display()), "the result of a drive");
         return serde_json::from_str(&text).map_err(wrong);
     }
+    let write = |extension: &str, text: String| {
+        let file = file.with_extension(extension);
+        std::fs::write(&file, text).map_err(|e| Error::io(&file, e))
+    };
+    let scenario = toml::to_string(&Scenario::random(seed, extent));
+    write("toml", scenario.expect("a scenario can be written as TOML"))?;
     let scratch = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-    let ended = Ended::of_seed(seed, &Extent::FULL, scratch.path())?;
+    let ended = Ended::of_seed(seed, extent, scratch.path())?;
     let text = serde_json::to_string_pretty(&ended).expect("a result can be written as JSON");
-    std::fs::write(&file, text).map_err(|e| Error::io(&file, e))?;
+    write("json", text)?;
     Ok(ended)
 }

@@ -28,7 +28,7 @@ fn tiny_drives_are_right_or_say_that_they_are_not() {
 #[ignore = "hours: simulation-based calibration over 200 drives, which continues where it was interrupted"]
 fn random_drives_agree_with_the_stated_distributions() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/random");
-    let series = Series::run(1..201, &folder).unwrap();
+    let series = Series::run(1..201, &Extent::FULL, &folder).unwrap();
     println!("{}", series.summary());
     assert_eq!(series.count(Ended::is_quietly_wrong), 0);
     let alarms = series.count(|ended| !ended.false_alarms.is_empty());

@@ -141,40 +141,49 @@ fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
 
 /// Standard deviations of given poses are guesses: from a fifth to twice of what the scans show, the result is as good on
 /// the given poses, and the adjustment stays within its own standard deviations of the known rotation.
+fn assert_result_suits_poses(position_m: f64, angle_deg: f64) {
+    let folder = tempfile::tempdir().unwrap();
+    let stated = format!("sigma_position_m = {position_m}\nsigma_rotation_deg = {angle_deg}");
+    let mut project = project_with(&stated, Vec3::zeros(), folder.path());
+    project.origin_m = Vec3::new(582_587.0, 4_107_994.0, 1_261.0);
+    let options = Options {
+        out: folder.path().join("out"),
+        seed: None,
+        fresh: true,
+    };
+    let found = analyse(&project, &options, &Extras::default(), &Silent).unwrap();
+    let calibrations = &found.calibrations;
+    let two_steps = calibrations.two_steps().unwrap();
+    let gaps_m = [&calibrations.result, two_steps]
+        .map(|calibration| gap_m(&project, &calibration.mountings[0].body_from_scanner));
+    let joint = calibrations.joint_found().expect("an adjustment");
+    let off_deg = rotation_deg(&joint.poses()[0]) - Vec3::from(KNOWN_DEG);
+    let sigma_deg = [3, 4, 5].map(|i| joint.covariance[(i, i)].sqrt().to_degrees());
+    let errors = joint.drives[0].pose_errors.expect("poses from a file");
+    println!(
+        "stated {position_m} m, {angle_deg}°: gaps {gaps_m:?} m, joint off by {:?}° ± {sigma_deg:?}°, {errors:?}",
+        off_deg.as_slice(),
+    );
+    assert!(gaps_m[0] <= gaps_m[1]);
+    assert!((0..3).all(|axis| off_deg[axis].abs() < 3.0 * sigma_deg[axis]));
+}
+
 #[test]
-fn whatever_is_stated_of_the_poses_the_result_suits_them() {
-    for (position_m, angle_deg) in [(0.01, 0.01), (0.1, 0.1)] {
-        let folder = tempfile::tempdir().unwrap();
-        let stated = format!("sigma_position_m = {position_m}\nsigma_rotation_deg = {angle_deg}");
-        let mut project = project_with(&stated, Vec3::zeros(), folder.path());
-        project.origin_m = Vec3::new(582_587.0, 4_107_994.0, 1_261.0);
-        let options = Options {
-            out: folder.path().join("out"),
-            seed: None,
-            fresh: true,
-        };
-        let found = analyse(&project, &options, &Extras::default(), &Silent).unwrap();
-        let calibrations = &found.calibrations;
-        let two_steps = calibrations.two_steps().unwrap();
-        let gaps_m = [&calibrations.result, two_steps]
-            .map(|calibration| gap_m(&project, &calibration.mountings[0].body_from_scanner));
-        let joint = calibrations.joint_found().expect("an adjustment");
-        let off_deg = rotation_deg(&joint.poses()[0]) - Vec3::from(KNOWN_DEG);
-        let sigma_deg = [3, 4, 5].map(|i| joint.covariance[(i, i)].sqrt().to_degrees());
-        let errors = joint.drives[0].pose_errors.expect("poses from a file");
-        println!(
-            "stated {position_m} m, {angle_deg}°: gaps {gaps_m:?} m, joint off by {:?}° ± {sigma_deg:?}°, {errors:?}",
-            off_deg.as_slice(),
-        );
-        assert!(gaps_m[0] <= gaps_m[1]);
-        assert!((0..3).all(|axis| off_deg[axis].abs() < 3.0 * sigma_deg[axis]));
-    }
+fn a_result_suits_poses_worse_than_they_are_stated_to_be() {
+    assert_result_suits_poses(0.01, 0.01);
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn a_result_suits_poses_better_than_they_are_stated_to_be() {
+    assert_result_suits_poses(0.1, 0.1);
 }
 
 /// With the fine scales alone, a start at zero ends in a local minimum of 1.71e-3. Coarse scales lead
 /// past it, and not only by luck: every corner of a cube of ± 2° around zero, up to 4.5° from the
 /// solution, ends at the solution too.
 #[test]
+#[ignore = "just acceptance"]
 fn coarse_scales_lead_past_the_local_minimum_from_every_start() {
     for corner in 0..8 {
         let sign = |bit: i32| if corner >> bit & 1 == 0 { -2.0 } else { 2.0 };

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 use super::cost::{NormalEquations, derivative};
 use super::parameters::{Mounting, change, free_basis, moved, poses};
 use super::scale::ScaleProblem;
+use super::settings::{INITIAL_SIGMA_M, INITIAL_SIGMA_RAD};
 use crate::cloud::{NeighbourIndex, StructureTensor};
 use crate::error::Result;
 use crate::geometry::{Mat3, Vec3};
@@ -44,12 +45,15 @@ const CENTRED_SHARE: f64 = 0.15;
 const HELD_SHARE: f64 = 1e-2;
 /// Most steps.
 const MAX_STEPS: usize = 20;
+/// So many steps in a row after which the neighbourhoods are not thinner than before end the alignment: with other
+/// neighbours, steps do not become smaller than what single points change.
+const NOT_LESS: usize = 2;
 /// The clouds are aligned when a step moves no point by more than this share of a voxel.
 const ALIGNED_SHARE: f64 = 0.02;
 
-/// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not depend on the number of
-/// threads.
-const CHUNK: usize = 512;
+/// Stretches of the scans whose contradictions show how certain a step is: several for each of the 24 parameters of four
+/// scanners.
+const BLOCKS: usize = 64;
 
 /// Mountings with which the clouds agree.
 pub struct Aligned {
@@ -64,12 +68,14 @@ pub struct Aligned {
     pub steps: usize,
 }
 
-/// Moves the mountings until the clouds of `problem` agree, and leaves what the clouds do not determine.
+/// Moves the mountings from `start` until the clouds of `problem` agree; what the clouds do not determine stays at the
+/// `initial` values, or goes back to them.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).
 pub fn align(
     problem: &ScaleProblem,
+    initial: &[Mounting],
     start: &[Mounting],
     progress: &dyn Progress,
 ) -> Result<Aligned> {
@@ -80,36 +86,41 @@ pub fn align(
         neighbourhoods: 0,
         steps: 0,
     };
-    while aligned.steps < MAX_STEPS {
+    let mut now = start.to_vec();
+    let (mut least, mut not_less) = (f64::INFINITY, 0);
+    while aligned.steps < MAX_STEPS && not_less < NOT_LESS {
         progress.check()?;
         progress.advance(1);
-        let now = &aligned.mountings;
-        let placed = cloud.place(&poses(now));
+        let placed = cloud.place(&poses(&now));
         let patches = patches(problem, &placed);
+        aligned.steps += 1;
         aligned.neighbourhoods = patches.len();
+        if patches.is_empty() {
+            break;
+        }
         let costs = patches.iter().map(|patch| {
             let [_, all] = patch.variances(&patch.offsets(&placed.world), problem.floor_m);
             all.ln()
         });
-        if !patches.is_empty() {
-            aligned.costs.push(mean(&costs.collect::<Vec<f64>>()));
+        let cost = mean(&costs.collect::<Vec<f64>>());
+        aligned.costs.push(cost);
+        not_less += 1;
+        if cost < least {
+            (least, not_less) = (cost, 0);
+            aligned.mountings.clone_from(&now);
         }
-        aligned.steps += 1;
-        let equations = normal_equations(&patches, cloud, &placed, problem.floor_m);
-        let Some(step) = step(&equations, start, now) else {
+        let blocks = normal_equations(&patches, cloud, &placed, problem.floor_m);
+        let Some(step) = step(&blocks, initial, &now) else {
             break;
         };
-        let length_m = |there: &[Mounting]| cloud.largest_displacement(&poses(now), &poses(there));
-        let mut there = moved(now, &step);
-        let step_m = length_m(&there);
-        // Farther away there are other neighbours.
-        if step_m > problem.voxel_m {
-            there = moved(now, &(step * (problem.voxel_m / step_m)));
-        }
-        aligned.mountings = there;
+        let there = moved(&now, &step);
+        let step_m = cloud.largest_displacement(&poses(&now), &poses(&there));
         if step_m < ALIGNED_SHARE * problem.voxel_m {
+            aligned.mountings = there;
             break;
         }
+        // Farther away there are other neighbours.
+        now = moved(&now, &(step * (problem.voxel_m / step_m).min(1.0)));
     }
     Ok(aligned)
 }
@@ -292,36 +303,71 @@ fn pooled(tensors: &[StructureTensor]) -> Mat3 {
     scatter.sum::<Mat3>() / count as f64
 }
 
-/// Normal equations of all patches.
+/// Normal equations of the patches of each of [`BLOCKS`] stretches of the scans.
 fn normal_equations(
     patches: &[Patch],
     cloud: &SurfaceCloud,
     placed: &Placed,
     floor_m: f64,
-) -> NormalEquations {
-    let size = 6 * cloud.scanners;
-    let parts: Vec<NormalEquations> = patches
-        .par_chunks(CHUNK)
-        .map(|chunk| {
-            let mut equations = NormalEquations::zeros(size);
-            for patch in chunk {
-                patch.add_to(&mut equations, cloud, placed, floor_m);
-            }
-            equations
-        })
-        .collect();
-    NormalEquations::sum(size, parts)
+) -> Vec<NormalEquations> {
+    let blocks = patches.par_chunks(patches.len().div_ceil(BLOCKS).max(1));
+    let sums = blocks.map(|block| {
+        let mut equations = NormalEquations::zeros(6 * cloud.scanners);
+        for patch in block {
+            patch.add_to(&mut equations, cloud, placed, floor_m);
+        }
+        equations
+    });
+    sums.collect()
 }
 
-/// The Gauss-Newton step; `None` if nothing is free. Directions of which less than [`HELD_SHARE`] of the information
-/// remains stay near the start: the offsets there are due to relief.
-fn step(equations: &NormalEquations, start: &[Mounting], now: &[Mounting]) -> Option<DVector<f64>> {
+/// The Gauss-Newton step, as far as it is certain; `None` if nothing is free.
+///
+/// Directions of which less than [`HELD_SHARE`] of the information remains stay near the initial values: the offsets there
+/// are due to relief. Where clouds end or see different relief, offsets of neighbouring patches err alike, so that the
+/// matrix H of the normal equations says nothing about the covariance of the change δ from the initial values. It is
+/// estimated from how much the blocks b contradict each other,
+///
+///   C = H⁻¹ (Σ_b s_b s_bᵀ) H⁻¹,  s_b = g_b + H_b δ,
+///
+/// and the change is Σ (Σ + C)⁻¹ δ with the covariance Σ of initial values.
+fn step(
+    blocks: &[NormalEquations],
+    initial: &[Mounting],
+    now: &[Mounting],
+) -> Option<DVector<f64>> {
+    let equations = NormalEquations::sum(6 * now.len(), blocks);
     let basis = free_basis(now);
+    let so_far = change(initial, now);
     let ridge = &equations.uncentred * HELD_SHARE;
     let matrix = &equations.matrix + DMatrix::from_diagonal(&ridge);
-    let gradient = &equations.gradient + ridge.component_mul(&change(start, now));
+    let gradient = &equations.gradient + ridge.component_mul(&so_far);
     let factor = (basis.transpose() * matrix * &basis).cholesky()?;
-    Some(-(&basis * factor.solve(&(basis.transpose() * gradient))))
+    let best = -(&basis * factor.solve(&(basis.transpose() * gradient)));
+    let scores = blocks
+        .iter()
+        .map(|block| &block.gradient + &block.matrix * &best);
+    let columns: Vec<DVector<f64>> = scores
+        .map(|score| factor.solve(&(basis.transpose() * score)))
+        .collect();
+    let spread = DMatrix::from_columns(&columns);
+    let prior = DMatrix::from_diagonal(&initial_variances(now.len()));
+    let prior = basis.transpose() * prior * &basis;
+    let sum = (&prior + &spread * spread.transpose()).cholesky()?;
+    let change = &basis * (prior * sum.solve(&(basis.transpose() * (&so_far + best))));
+    Some(change - so_far)
+}
+
+/// Variances of initial values, (δp, δφ) of each mounting.
+fn initial_variances(mountings: usize) -> DVector<f64> {
+    DVector::from_fn(6 * mountings, |place, _| {
+        let sigma = if place % 6 < 3 {
+            INITIAL_SIGMA_M
+        } else {
+            INITIAL_SIGMA_RAD
+        };
+        sigma * sigma
+    })
 }
 
 #[cfg(test)]
@@ -422,7 +468,7 @@ mod tests {
         let off = (Vec3::new(0.02, -0.03, 0.02), Vec3::new(0.02, -0.03, 0.1));
         let pose = &mut start[1].body_from_scanner;
         *pose = pose.perturbed(&off.0, &off.1);
-        let end = align(&problem, &start, &Silent).unwrap();
+        let end = align(&problem, &start, &start, &Silent).unwrap();
         let [before, after] =
             [&start, &end.mountings].map(|mountings| scatter_m(waves_m, &problem, mountings));
         println!("{:.1} mm, then {:.1} mm", 1e3 * before, 1e3 * after);
@@ -437,7 +483,7 @@ mod tests {
         let mut begin = truth.clone();
         let pose = &mut begin[1].body_from_scanner;
         *pose = pose.perturbed(&Vec3::new(0.02, -0.03, 0.02), &Vec3::new(0.02, -0.03, 0.1));
-        let aligned = align(&problem, &begin, &Silent).unwrap().mountings;
+        let aligned = align(&problem, &begin, &begin, &Silent).unwrap().mountings;
         // Neighbourhoods of 30 points are as wide as half a board.
         let start = problem.at(begin.clone());
         let all = Observability::new(&start.equations, &start.mountings);
@@ -450,10 +496,32 @@ mod tests {
         assert!(aligned < 0.5 * before && flattest > 0.9 * before);
     }
 
+    /// Eight blocks of which each wants another shift along x, of which the mean is 0.1 m.
+    #[test]
+    fn a_step_is_taken_as_far_as_blocks_agree() {
+        let start = vec![Mounting::new("scanner", BodyFromScanner::identity())];
+        let shift_m = |spread_m: f64| {
+            let blocks: Vec<NormalEquations> = (0..8)
+                .map(|block| {
+                    let wanted_m = 0.1 + if block % 2 == 0 { spread_m } else { -spread_m };
+                    let mut equations = NormalEquations::zeros(6);
+                    equations.matrix.fill_with_identity();
+                    equations.gradient[0] = -wanted_m;
+                    equations
+                })
+                .collect();
+            step(&blocks, &start, &start).unwrap()[0]
+        };
+        assert!((shift_m(0.0) - 0.1).abs() < 1e-12);
+        // The mean of eight that are three standard deviations of initial values off has the variance 9/8 of theirs.
+        let expected_m = 0.1 / (1.0 + 9.0 / 8.0);
+        assert!((shift_m(3.0 * INITIAL_SIGMA_M) - expected_m).abs() < 1e-12);
+    }
+
     #[test]
     fn a_cloud_alone_stays() {
         let (problem, truth) = problem(waves_m, &[&[0.0]]);
-        let end = align(&problem, &truth, &Silent).unwrap();
+        let end = align(&problem, &truth, &truth, &Silent).unwrap();
         assert_eq!(end.mountings, truth);
     }
 
@@ -465,7 +533,8 @@ mod tests {
         let cloud = &problem.cloud;
         let placed = cloud.place(&poses(&mountings));
         let patches = patches(&problem, &placed);
-        let gradient = normal_equations(&patches, cloud, &placed, problem.floor_m).gradient;
+        let parts = normal_equations(&patches, cloud, &placed, problem.floor_m);
+        let gradient = NormalEquations::sum(12, &parts).gradient;
         let cost = |mountings: &[Mounting]| -> f64 {
             let placed = cloud.place(&poses(mountings));
             let each = patches.iter().map(|patch| {

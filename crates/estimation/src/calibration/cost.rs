@@ -62,15 +62,13 @@ impl NormalEquations {
     }
 
     /// The sum of the `parts`, in order.
-    pub fn sum(size: usize, parts: Vec<Self>) -> Self {
-        parts
-            .into_iter()
-            .fold(Self::zeros(size), |mut total, part| {
-                total.gradient += part.gradient;
-                total.matrix += part.matrix;
-                total.uncentred += part.uncentred;
-                total
-            })
+    pub fn sum(size: usize, parts: &[Self]) -> Self {
+        parts.iter().fold(Self::zeros(size), |mut total, part| {
+            total.gradient += &part.gradient;
+            total.matrix += &part.matrix;
+            total.uncentred += &part.uncentred;
+            total
+        })
     }
 }
 
@@ -117,7 +115,7 @@ pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
             sums.finish()
         })
         .collect();
-    NormalEquations::sum(6 * surface.cloud.scanners, partial)
+    NormalEquations::sum(6 * surface.cloud.scanners, &partial)
 }
 
 /// Sums over the neighbourhoods of one task.

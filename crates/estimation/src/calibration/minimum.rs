@@ -78,7 +78,7 @@ impl Minimum {
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
         let aligned = |mountings: &[Mounting]| -> Result<State> {
-            Ok(problem.at(align(&problem, mountings, progress)?.mountings))
+            Ok(problem.at(align(&problem, mountings, mountings, progress)?.mountings))
         };
         let nearest_minimum = aligned(solution)?;
         // All axes are moved at once.

@@ -255,7 +255,7 @@ fn pass_scale(
     }
     let started = Instant::now();
     let problem = ScaleProblem::new(input, &mountings, voxel_m, MAX_CENTRES, settings)?;
-    let (mountings, course) = aligned(&problem, mountings, progress)?;
+    let (mountings, course) = aligned(&problem, &input.mountings, mountings, progress)?;
     Ok(course.scale(&problem, mountings, started))
 }
 
@@ -282,7 +282,7 @@ fn solve_scale(
         Method::TwoStep | Method::Joint => {
             let is_coarsest = settings.voxel_sizes_m.first() == Some(&voxel_m);
             let begin = if is_coarsest {
-                aligned(&problem, mountings, progress)?.0
+                aligned(&problem, &input.mountings, mountings, progress)?.0
             } else {
                 mountings
             };
@@ -333,10 +333,11 @@ impl Course {
 /// The mountings with which the clouds agree, if these are as near as initial values are.
 fn aligned(
     problem: &ScaleProblem,
+    initial: &[Mounting],
     start: Vec<Mounting>,
     progress: &dyn Progress,
 ) -> Result<(Vec<Mounting>, Course)> {
-    let aligned = align::align(problem, &start, progress)?;
+    let aligned = align::align(problem, initial, &start, progress)?;
     let is_far = problem.is_far(&start, &aligned.mountings);
     let course = Course {
         iterations: aligned.steps,
@@ -364,12 +365,15 @@ fn flattened(
     let observability = Observability::new(&start.equations, &start.mountings);
     let adjusted = adjust::minimise(problem, start, &observability, progress)?;
     let mut course = Course::of(&adjusted);
-    let solved = hold_unobservable_directions(problem, initial, adjusted.state);
-    if problem.is_far(&aligned, &solved.state.mountings) {
+    let mut state = adjusted.state;
+    if problem.has_left(&aligned, &state.mountings) {
         course.ending = Ending::Kept;
-        return Ok((problem.solved_at(aligned), course));
+        state = problem.at(aligned);
     }
-    Ok((solved, course))
+    Ok((
+        hold_unobservable_directions(problem, initial, state),
+        course,
+    ))
 }
 
 /// Restores the initial values along the directions that are unobservable at the solution: a

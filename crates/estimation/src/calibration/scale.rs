@@ -1,5 +1,6 @@
 //! One scale of the coarse-to-fine adjustment, and its possible endings.
 
+use std::f64::consts::PI;
 use std::fmt;
 use std::sync::Arc;
 
@@ -84,22 +85,25 @@ impl ScaleProblem {
         self.state(mountings, surface)
     }
 
-    /// These mountings as a solution.
-    pub fn solved_at(&self, mountings: Vec<Mounting>) -> Solved {
-        let state = self.at(mountings);
-        Solved {
-            observability: Observability::new(&state.equations, &state.mountings),
-            state,
-            floor_m: self.floor_m,
-        }
-    }
-
     /// Whether some point lies farther apart with `there` than with `here`, at the median range, than initial values can be
     /// wrong.
     pub fn is_far(&self, here: &[Mounting], there: &[Mounting]) -> bool {
         let range_m = self.range_m().unwrap_or(0.0);
         let apart_m = self.cloud.largest_displacement(&poses(here), &poses(there));
         apart_m > Reach::WRONG.displacement_m(range_m)
+    }
+
+    /// Whether points at the median range share no neighbourhood with `there` that they had with `here`. A neighbourhood of
+    /// k points, one in each voxel of a surface, is a disc with a diameter of 2 √(k/π) voxels.
+    pub fn has_left(&self, here: &[Mounting], there: &[Mounting]) -> bool {
+        let range_m = self.range_m().unwrap_or(0.0);
+        let width_m = 2.0 * (self.k as f64 / PI).sqrt() * self.voxel_m;
+        let mut pairs = here.iter().zip(there);
+        pairs.any(|(here, there)| {
+            let there = &there.body_from_scanner;
+            let (turn, shift) = there.perturbation_from(&here.body_from_scanner);
+            shift.norm() + turn.norm() * range_m > width_m
+        })
     }
 
     /// Builds the normal equations of a surface placed with `mountings`.
@@ -152,8 +156,8 @@ pub enum Ending {
     /// A coarse scale whose clouds agree.
     #[serde(rename = "aligned")]
     Aligned,
-    /// The clouds fit better only farther away than initial values can be wrong, where they have separated or lost their
-    /// relief: the mountings stay as the scale began.
+    /// The clouds fit better only farther away than initial values can be wrong, or than neighbourhoods are wide, where they
+    /// have separated or lost their relief: the mountings stay as the scale began.
     #[serde(rename = "kept at the start: fits better only far away")]
     Kept,
     /// The data determine no direction of a step.

@@ -3,7 +3,7 @@
 /// How large a drawn drive may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
-    /// Rays of all profile scanners together, at most.
+    /// Rays of all profile scanners together, and of a lidar, at most.
     pub most_rays: f64,
     /// Shortest and longest duration of passes and turns, seconds; a drive has at least three passes.
     pub duration_s: (f64, f64),
