@@ -9,14 +9,13 @@ import pytest
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 
-
 def _case(path: Path):
-    # Like that of the demo, but for the files that it begins with.
-    marks = pytest.mark.long if path.stem == "own_robot" else ()
+    # The others simulate and calibrate a whole drive.
+    marks = () if path.stem == "epochs" else pytest.mark.long
     return pytest.param(path, id=path.stem, marks=marks)
 
 
-@pytest.mark.parametrize("path", map(_case, NOTEBOOKS))
+@pytest.mark.parametrize("path", [_case(path) for path in NOTEBOOKS])
 def test_notebook(path, tmp_path):
     nbformat = pytest.importorskip("nbformat")
     client = pytest.importorskip("nbclient")
