@@ -100,7 +100,7 @@ fn killed_runs_leave_old_or_new_files(count: u32) {
 #[cfg(unix)]
 #[test]
 fn a_killed_run_leaves_old_or_new_files() {
-    killed_runs_leave_old_or_new_files(5);
+    killed_runs_leave_old_or_new_files(3);
 }
 
 #[cfg(unix)]

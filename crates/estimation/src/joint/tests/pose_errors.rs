@@ -7,8 +7,8 @@ use crate::joint::motion::GaussMarkov;
 use crate::joint::pose_errors::learn_from;
 
 const COMPONENTS: usize = 6;
-const KNOTS: usize = 400;
-const INTERVAL_S: f64 = 0.5;
+const KNOTS: usize = 200;
+const INTERVAL_S: f64 = 1.0;
 
 /// The precision of a process from its innovations, one component.
 fn precision(sigma: f64, tau_s: f64) -> DMatrix<f64> {
