@@ -153,11 +153,11 @@ pub fn calibrate(
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
     let is_reached = scales
         .last()
-        .is_some_and(|scale| scale.ending.is_converged());
+        .is_some_and(|scale| scale.ending.is_converged() && scale.ending != Ending::Kept);
     let has_covariance = settings.method != Method::Paper && is_reached && !is_doubtful;
     Ok(Calibration {
         method: settings.method,
-        converged: scales.iter().all(|scale| scale.ending.is_converged()),
+        converged: is_reached && scales.iter().all(|scale| scale.ending.is_converged()),
         covariance: has_covariance
             .then(|| uncertainty::covariance(input, &solved))
             .flatten(),

@@ -93,17 +93,12 @@ impl ScaleProblem {
         apart_m > Reach::WRONG.displacement_m(range_m)
     }
 
-    /// Whether points at the median range share no neighbourhood with `there` that they had with `here`. A neighbourhood of
+    /// Whether half of a scanner's points share no neighbourhood with `there` that they had with `here`. A neighbourhood of
     /// k points, one in each voxel of a surface, is a disc with a diameter of 2 √(k/π) voxels.
     pub fn has_left(&self, here: &[Mounting], there: &[Mounting]) -> bool {
-        let range_m = self.range_m().unwrap_or(0.0);
         let width_m = 2.0 * (self.k as f64 / PI).sqrt() * self.voxel_m;
-        let mut pairs = here.iter().zip(there);
-        pairs.any(|(here, there)| {
-            let there = &there.body_from_scanner;
-            let (turn, shift) = there.perturbation_from(&here.body_from_scanner);
-            shift.norm() + turn.norm() * range_m > width_m
-        })
+        let moved_m = self.cloud.median_displacements(&poses(here), &poses(there));
+        moved_m.iter().any(|moved_m| *moved_m > width_m)
     }
 
     /// Builds the normal equations of a surface placed with `mountings`.
@@ -157,7 +152,8 @@ pub enum Ending {
     #[serde(rename = "aligned")]
     Aligned,
     /// The clouds fit better only farther away than initial values can be wrong, or than neighbourhoods are wide, where they
-    /// have separated or lost their relief: the mountings stay as the scale began.
+    /// have separated or lost their relief: the mountings stay as the scale began. The finest scale has then not reached its
+    /// minimum.
     #[serde(rename = "kept at the start: fits better only far away")]
     Kept,
     /// The data determine no direction of a step.
@@ -181,5 +177,33 @@ impl Ending {
 impl fmt::Display for Ending {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::calibration::small_case::{case, problem};
+    use crate::geometry::{Vec3, so3};
+
+    /// Discs of 20 voxels of 0.5 m are 2.52 m wide.
+    #[test]
+    fn points_leave_their_neighbourhoods_beyond_the_width_of_these() {
+        let (cloud, here) = case();
+        let problem = problem(cloud);
+        let shifted = |shift_m: f64| {
+            let mut there = here.clone();
+            let pose = &mut there[1].body_from_scanner;
+            *pose = pose.perturbed(&Vec3::zeros(), &(Vec3::y() * shift_m));
+            problem.has_left(&here, &there)
+        };
+        assert!(!shifted(2.5) && shifted(2.55));
+        // A turn about the points moves them little, however far it moves the scanner.
+        let mut there = here.clone();
+        let pose = &mut there[0].body_from_scanner;
+        let centre = pose.map(&(Vec3::z() * -1.0));
+        let turn = so3::exp(&(Vec3::x() * 2.9));
+        pose.rotation = turn * pose.rotation;
+        pose.translation_m = centre + turn * (pose.translation_m - centre);
+        assert!(!problem.has_left(&here, &there));
     }
 }

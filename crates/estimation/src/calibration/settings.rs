@@ -64,6 +64,7 @@ impl Reach {
 /// Standard deviation of initial values along any direction, metres: a quarter of their largest error. Rotations are
 /// converted by [`LEVER_M`](super::observability::LEVER_M).
 pub(crate) const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
+/// Standard deviation of initial rotations about an axis, radians: a quarter of their largest error.
 pub(super) const INITIAL_SIGMA_RAD: f64 = 0.25 * Reach::ROUGH.turn_rad;
 
 /// Settings of the calibration.

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::profile::{Profile, ProfilePoint};
 use super::rows::Row;
 use crate::geometry::{BodyFromScanner, Mat3, Vec3, product};
+use crate::statistics::median;
 
 /// A profile of one of several scanners, with its pose as a rotation matrix and a translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,6 +164,22 @@ impl SurfaceCloud {
         let profile = self.profile(point);
         let arm = placed.mountings[profile.scanner as usize].arm(point);
         Row::by_mounting(direction, &profile.rotation, &arm)
+    }
+
+    /// The median displacement of the points of each scanner between two sets of mountings, metres; zero without points.
+    pub fn median_displacements(
+        &self,
+        from: &[BodyFromScanner],
+        to: &[BodyFromScanner],
+    ) -> Vec<f64> {
+        let (from, to) = (Mounted::all(from), Mounted::all(to));
+        let of_scanner = |scanner: usize| {
+            let points = self.movable.iter();
+            let own = points.filter(|point| self.profile(point).scanner as usize == scanner);
+            let moved = own.map(|p| (to[scanner].lever(p) - from[scanner].lever(p)).norm());
+            median(moved).unwrap_or(0.0)
+        };
+        (0..self.scanners).map(of_scanner).collect()
     }
 
     /// Largest displacement of a point between two sets of mountings, metres; it does not depend on
