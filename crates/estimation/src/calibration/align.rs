@@ -45,9 +45,6 @@ const CENTRED_SHARE: f64 = 0.15;
 const HELD_SHARE: f64 = 1e-2;
 /// Most steps.
 const MAX_STEPS: usize = 20;
-/// So many steps in a row after which the neighbourhoods are not thinner than before end the alignment: with other
-/// neighbours, steps do not become smaller than what single points change.
-const NOT_LESS: usize = 2;
 /// The clouds are aligned when a step moves no point by more than this share of a voxel.
 const ALIGNED_SHARE: f64 = 0.02;
 
@@ -86,12 +83,11 @@ pub fn align(
         neighbourhoods: 0,
         steps: 0,
     };
-    let mut now = start.to_vec();
-    let (mut least, mut not_less) = (f64::INFINITY, 0);
-    while aligned.steps < MAX_STEPS && not_less < NOT_LESS {
+    while aligned.steps < MAX_STEPS {
         progress.check()?;
         progress.advance(1);
-        let placed = cloud.place(&poses(&now));
+        let now = &aligned.mountings;
+        let placed = cloud.place(&poses(now));
         let patches = patches(problem, &placed);
         aligned.steps += 1;
         aligned.neighbourhoods = patches.len();
@@ -102,25 +98,17 @@ pub fn align(
             let [_, all] = patch.variances(&patch.offsets(&placed.world), problem.floor_m);
             all.ln()
         });
-        let cost = mean(&costs.collect::<Vec<f64>>());
-        aligned.costs.push(cost);
-        not_less += 1;
-        if cost < least {
-            (least, not_less) = (cost, 0);
-            aligned.mountings.clone_from(&now);
-        }
+        aligned.costs.push(mean(&costs.collect::<Vec<f64>>()));
         let blocks = normal_equations(&patches, cloud, &placed, problem.floor_m);
-        let Some(step) = step(&blocks, initial, &now) else {
+        let Some(step) = step(&blocks, initial, now) else {
             break;
         };
-        let there = moved(&now, &step);
-        let step_m = cloud.largest_displacement(&poses(&now), &poses(&there));
+        let step_m = cloud.largest_displacement(&poses(now), &poses(&moved(now, &step)));
+        // Farther away there are other neighbours.
+        aligned.mountings = moved(now, &(step * (problem.voxel_m / step_m).min(1.0)));
         if step_m < ALIGNED_SHARE * problem.voxel_m {
-            aligned.mountings = there;
             break;
         }
-        // Farther away there are other neighbours.
-        now = moved(&now, &(step * (problem.voxel_m / step_m).min(1.0)));
     }
     Ok(aligned)
 }
