@@ -74,7 +74,7 @@ joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
 # Runs SEEDS drives that are drawn at random and compares results with the truth; the figure of ranks is in out/random.
-# With `tiny` as SIZE, drives of a minute at most: 200 take an hour
+# With `tiny` as SIZE, short drives
 random SEEDS="20" FIRST="1" SIZE="":
     cargo run --release --features examples --example random -- {{SEEDS}} {{FIRST}} {{SIZE}}
 

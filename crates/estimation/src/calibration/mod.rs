@@ -15,6 +15,7 @@ mod minimum;
 pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
+mod patch;
 mod relative;
 mod result;
 mod sample;
