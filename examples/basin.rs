@@ -78,6 +78,7 @@ impl Drive {
             .as_ref()
             .and_then(|minimum| minimum.alternative.as_ref());
         said.extend(other.map(|_| "calibration.minimum".into()));
+        said.extend((!found.converged).then(|| "calibration.convergence".into()));
         Ok((found, said))
     }
 

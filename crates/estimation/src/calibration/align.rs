@@ -174,6 +174,8 @@ mod tests {
     use super::*;
     use crate::calibration::adjust::minimise;
     use crate::calibration::observability::Observability;
+    use crate::calibration::scale::Ending;
+    use crate::calibration::{aligned, flattened};
     use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
     use crate::progress::Silent;
     use crate::statistics::rms;
@@ -318,8 +320,18 @@ mod tests {
     #[test]
     fn a_cloud_alone_stays() {
         let (problem, truth) = problem(waves_m, &[&[0.0]]);
-        let end = align(&problem, &truth, &truth, &Silent).unwrap();
-        assert_eq!(end.mountings, truth);
+        let (end, course) = aligned(&problem, &truth, truth.clone(), &Silent).unwrap();
+        assert_eq!((end, course.ending), (truth, Ending::Aligned));
+    }
+
+    #[test]
+    fn clouds_without_a_common_neighbourhood_stay() {
+        let (problem, mut start) = problem(waves_m, &[&[0.0], &[0.0]]);
+        start[1].body_from_scanner.translation_m.y += 5.0;
+        let (end, course) = aligned(&problem, &start, start.clone(), &Silent).unwrap();
+        assert_eq!((end, course.ending), (start.clone(), Ending::Apart));
+        let (end, course) = flattened(&problem, &start, start.clone(), &Silent).unwrap();
+        assert_eq!((end.state.mountings, course.ending), (start, Ending::Apart));
     }
 
     #[test]

@@ -154,7 +154,7 @@ pub fn calibrate(
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
     let is_reached = scales
         .last()
-        .is_some_and(|scale| scale.ending.is_converged() && scale.ending != Ending::Kept);
+        .is_some_and(|scale| scale.ending.is_converged() && !scale.ending.is_kept());
     let has_covariance = settings.method != Method::Paper && is_reached && !is_doubtful;
     Ok(Calibration {
         method: settings.method,
@@ -339,18 +339,24 @@ fn aligned(
     progress: &dyn Progress,
 ) -> Result<(Vec<Mounting>, Course)> {
     let aligned = align::align(problem, initial, &start, progress)?;
-    let is_far = problem.is_far(&start, &aligned.mountings);
+    let ending = if aligned.neighbourhoods == 0 && patch::has_several_clouds(problem) {
+        Ending::Apart
+    } else if problem.is_far(initial, &aligned.mountings) {
+        Ending::Kept
+    } else {
+        Ending::Aligned
+    };
     let course = Course {
         iterations: aligned.steps,
         neighbourhoods: aligned.neighbourhoods,
         costs: aligned.costs,
-        ending: if is_far {
-            Ending::Kept
-        } else {
-            Ending::Aligned
-        },
+        ending,
     };
-    let mountings = if is_far { start } else { aligned.mountings };
+    let mountings = if ending.is_kept() {
+        start
+    } else {
+        aligned.mountings
+    };
     Ok((mountings, course))
 }
 
@@ -367,8 +373,15 @@ fn flattened(
     let adjusted = adjust::minimise(problem, start, &observability, progress)?;
     let mut course = Course::of(&adjusted);
     let mut state = adjusted.state;
-    if problem.has_left(&aligned, &state.mountings) {
+    let has_left = problem.has_left(&aligned, &state.mountings);
+    if has_left || problem.is_far(initial, &state.mountings) {
         course.ending = Ending::Kept;
+    } else if patch::patches(problem, &state.surface.placed).is_empty()
+        && patch::has_several_clouds(problem)
+    {
+        course.ending = Ending::Apart;
+    }
+    if course.ending.is_kept() {
         state = problem.at(aligned);
     }
     Ok((

@@ -66,6 +66,13 @@ pub fn patches(problem: &ScaleProblem, placed: &Placed) -> Vec<Patch> {
     patches.collect()
 }
 
+/// Whether there are several clouds.
+pub fn has_several_clouds(problem: &ScaleProblem) -> bool {
+    let cloud = &problem.cloud;
+    let points: Vec<u32> = (0..(cloud.movable.len() + cloud.fixed.len()) as u32).collect();
+    clouds(cloud, &points, problem.pass_gap_s).len() >= 2
+}
+
 /// The clouds to which points belong: a scanner that comes back after a while begins a new one. Clouds of few points
 /// are left out.
 fn clouds(cloud: &SurfaceCloud, points: &[u32], pass_gap_s: f64) -> Vec<Members> {

@@ -156,6 +156,10 @@ pub enum Ending {
     /// minimum.
     #[serde(rename = "kept at the start: fits better only far away")]
     Kept,
+    /// There are several clouds, but no neighbourhood holds points of two: each may be flattest wherever it is. The
+    /// mountings stay as the scale began, and the finest scale has not reached a minimum.
+    #[serde(rename = "kept at the start: the clouds lie apart")]
+    Apart,
     /// The data determine no direction of a step.
     #[serde(rename = "not determined by the data")]
     NotDetermined,
@@ -169,8 +173,18 @@ impl Ending {
     pub fn is_converged(self) -> bool {
         matches!(
             self,
-            Self::Converged | Self::CostFloor | Self::Alternating | Self::Aligned | Self::Kept
+            Self::Converged
+                | Self::CostFloor
+                | Self::Alternating
+                | Self::Aligned
+                | Self::Kept
+                | Self::Apart
         )
+    }
+
+    /// Whether the mountings stay as the scale began.
+    pub fn is_kept(self) -> bool {
+        matches!(self, Self::Kept | Self::Apart)
     }
 }
 

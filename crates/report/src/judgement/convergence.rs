@@ -1,7 +1,7 @@
 //! Verdicts on convergence: whether the calibration converged, how far from its start, and whether the minimum is
 //! unique.
 
-use crate::calibration::{Calibration, Method, Reach};
+use crate::calibration::{Calibration, Ending, Method, Reach};
 use crate::geometry::BodyFromScanner;
 use crate::number;
 use crate::verdict::Verdict;
@@ -47,11 +47,29 @@ pub fn convergence(result: &Calibration) -> Verdict {
             CODE,
             "The joint adjustment did not converge: the result may be wrong.",
         ),
+        (false, _) if ends(result, Ending::Apart) => Verdict::fault(
+            CODE,
+            "The clouds lie apart: nowhere do two passes, scanners or the reference share a neighbourhood, so that \
+             nothing holds the mountings. Start nearer, or drive over the same ground again.",
+        ),
+        (false, _) if ends(result, Ending::Kept) => Verdict::fault(
+            CODE,
+            "The finest scale fits better only far from where it began: the mountings are those of the scale before, \
+             and may be wrong.",
+        ),
         (false, _) => Verdict::fault(
             CODE,
             "The adjustment did not converge at every scale: the result may be wrong.",
         ),
     }
+}
+
+/// Whether the finest scale ended so.
+fn ends(result: &Calibration, ending: Ending) -> bool {
+    result
+        .scales
+        .last()
+        .is_some_and(|scale| scale.ending == ending)
 }
 
 /// The verdict on uniqueness: whether the mountings came back after they were moved away.
