@@ -2,6 +2,7 @@
 
 use super::rig::Rig;
 use super::stages::EstimatedPoses;
+use super::start::CLOSE_M;
 use crate::calibration::ScannerSample;
 use crate::error::{Error, Problem, Result};
 use crate::format;
@@ -9,6 +10,7 @@ use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, Scans};
 use crate::project::{FrameLogFile, Logs, Motion, Project};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
+use crate::statistics::median;
 use crate::trajectory::Solution;
 
 /// A drive before the adjustment.
@@ -27,7 +29,24 @@ pub struct Drive<'a> {
 
 /// The edge of a surfel of a drive, metres.
 pub fn surfel_m(drive: &Drive<'_>) -> f64 {
-    drive.project.joint.surfel_size_m(drive.rig.finest_m())
+    let finest_m = drive.rig.finest_m();
+    let spacing_m = if drive.project.has_auto_scales {
+        spacing_m(drive.samples, finest_m)
+    } else {
+        finest_m
+    };
+    drive.project.joint.surfel_size_m(spacing_m)
+}
+
+/// The spacing of the points of samples that were thinned by voxels of this edge, metres. The edge is the spacing of
+/// profiles if that is wider than the one along profiles; with n points in a voxel and pass, their geometric mean is by √n
+/// smaller. Voxels of [`CLOSE_M`] have their size for another reason.
+fn spacing_m(samples: &[ScannerSample], voxel_m: f64) -> f64 {
+    let spacings_m = samples.iter().filter_map(|sample| {
+        let points = median(sample.points.iter().map(|point| f64::from(point.count)))?;
+        Some(voxel_m / points.sqrt())
+    });
+    spacings_m.fold(voxel_m.min(CLOSE_M), f64::max)
 }
 
 /// A drive for the adjustment.
@@ -103,4 +122,33 @@ fn correlated(logs: &Logs) -> Vec<Option<CorrelatedError>> {
     let heading = &logs.settings.heading;
     let heading = error(vec![heading.sigma_correlated_rad], heading.correlation_s);
     positions.chain([heading]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Vec3;
+    use crate::surface::ProfilePoint;
+
+    fn sample(count: u32) -> ScannerSample {
+        let point = ProfilePoint {
+            profile: 0,
+            position_m: Vec3::zeros(),
+            count,
+        };
+        ScannerSample {
+            points: vec![point; 3],
+            ..ScannerSample::default()
+        }
+    }
+
+    #[test]
+    fn the_spacing_is_the_mean_of_that_along_and_across_profiles() {
+        // Profiles 80 mm apart with points every 20 mm.
+        assert!((spacing_m(&[sample(4)], 0.08) - 0.04).abs() < 1e-12);
+        assert!((spacing_m(&[sample(4), sample(1)], 0.08) - 0.08).abs() < 1e-12);
+        // Close scanners have many points in the smallest voxels.
+        assert_eq!(spacing_m(&[sample(100)], 0.008), CLOSE_M);
+        assert_eq!(spacing_m(&[sample(100)], 0.003), 0.003);
+    }
 }

@@ -25,7 +25,7 @@ const NEIGHBOURHOODS: usize = 10;
 /// Distance between clouds beyond which no scale helps, metres.
 const MAX_MISFIT_M: f64 = 5.0;
 /// The finest scale is at least this, metres, or this share of the median range if that is less.
-const CLOSE_M: f64 = 0.005;
+pub const CLOSE_M: f64 = 0.005;
 const CLOSE_SHARE: f64 = 1.0 / 150.0;
 /// Clouds are compared by their heights in columns of half this size, metres: points that are farther from their true
 /// places are near each other in height only by chance.

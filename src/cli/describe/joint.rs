@@ -10,7 +10,7 @@ pub(super) fn describe(lines: &mut Lines, project: &Project) {
     let size = millimetres(settings.surfel_size_m(finest.copied().unwrap_or_default()));
     let size = match (settings.surfel_m, project.has_auto_scales) {
         (Some(_), _) => size,
-        (None, true) => "ten times the finest voxel, half of that on rough ground".to_owned(),
+        (None, true) => "ten times the spacing of points, half of that on rough ground".to_owned(),
         (None, false) => {
             format!("{size} (ten times the finest voxel), half of that on rough ground")
         }

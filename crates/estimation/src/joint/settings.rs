@@ -6,7 +6,7 @@ use super::bend::Rung;
 use crate::calibration::POSE_CORRELATION_S;
 
 /// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
-const SURFEL_VOXELS: f64 = 10.0;
+const SURFEL_SPACINGS: f64 = 10.0;
 
 /// Settings of the joint adjustment.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,10 +69,10 @@ impl Default for JointSettings {
 }
 
 impl JointSettings {
-    /// The size of the surfels, metres, after a calibration with this finest voxel: the given size,
-    /// or ten voxels, so that a surfel holds enough points for its slopes.
-    pub fn surfel_size_m(&self, finest_voxel_m: f64) -> f64 {
-        self.surfel_m.unwrap_or(SURFEL_VOXELS * finest_voxel_m)
+    /// The size of the surfels of points with this spacing, metres: the given size, or ten times the spacing, so that a
+    /// surfel holds enough points for its slopes.
+    pub fn surfel_size_m(&self, spacing_m: f64) -> f64 {
+        self.surfel_m.unwrap_or(SURFEL_SPACINGS * spacing_m)
     }
 }
 

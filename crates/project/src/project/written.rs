@@ -355,8 +355,8 @@ impl Method {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Joint {
-    /// Size of the surface patches (surfels). Default: ten times the finest voxel, and half of that where the ground is
-    /// rougher.
+    /// Size of the surface patches (surfels). Default: ten times the finest voxel, or less where the points of a profile
+    /// are closer than profiles are; half of that where the ground is rougher.
     pub surfel_m: Option<f64>,
     /// Largest number of iterations.
     pub max_iterations: Option<usize>,
