@@ -249,6 +249,16 @@ pub const MISTAKES: &[Mistake] = &[
         },
     ),
     mistake(
+        "quaternions as w, x, y, z",
+        &["scanner.convention"],
+        |field| {
+            let left = "quaternion_xyzw = [0.2126311, 0.6743797, 0.6743797, -0.2126311]";
+            let right = "quaternion_xyzw = [0.2126311, -0.6743797, -0.6743797, -0.2126311]";
+            field.project(LEFT_ROTATION, left);
+            field.project(RIGHT_ROTATION, right);
+        },
+    ),
+    mistake(
         "convention zyx for bonn, left only",
         &["scanner.convention"],
         |field| {

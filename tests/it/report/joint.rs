@@ -77,6 +77,7 @@ fn joint_result(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
         ladder: Vec::new(),
         compliance: Vec::new(),
         late_scores: vec![None, None],
+        range_scores: vec![None, None],
         height_score: None,
         late_s: vec![Some((1.2e-3, 0.1e-3)), None],
         drives: vec![drive(full, east)],

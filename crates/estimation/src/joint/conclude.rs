@@ -67,10 +67,11 @@ pub fn conclude(
     }
     let root = |x: f64| x.max(0.0).sqrt();
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
-    let late_s = layout.late.iter().zip(&state.late_s);
+    let late_s = layout.of_scanners.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
     // With known mountings, latencies are not tested.
-    let is_tested = |s: &usize| layout.late[*s].is_none() && problem.input.known.is_none();
+    let is_tested =
+        |s: &usize| layout.of_scanners.late[*s].is_none() && problem.input.known.is_none();
     let tested: Vec<usize> = (0..count).filter(is_tested).collect();
     let scores = problem.scores(factored, &tested);
     let constants = layout.constant_owner.iter().enumerate();
@@ -157,6 +158,7 @@ pub fn conclude(
         covariance,
         late_s: late_s.collect(),
         late_scores: scores.late,
+        range_scores: scores.range,
         rung: state.rung(),
         ladder: Vec::new(),
         prior_shares: prior_shares(problem, state),

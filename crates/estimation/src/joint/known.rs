@@ -26,7 +26,7 @@ pub fn known_points(
 ) -> Vec<Vec<KnownPoint>> {
     let motion = state.motions[drive].as_ref();
     let context = problem.scan_context(drive, state);
-    let blocks = problem.scan_blocks(drive, &problem.layout.late);
+    let blocks = problem.scan_blocks(drive, &problem.layout.of_scanners);
     let sizes = &problem.layout.sizes;
     let count = state.mountings.len();
     let rows = (0..motion.steps()).flat_map(|step| {

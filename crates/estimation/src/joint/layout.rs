@@ -26,14 +26,23 @@ pub struct Layout {
     /// The drive and column that stand for each constant.
     pub constant_owner: Vec<(usize, usize)>,
     pub first_constant: usize,
-    /// The block of each scanner's latency, if it is estimated.
-    pub late: Vec<Option<usize>>,
+    /// The blocks of constants of the scanners.
+    pub of_scanners: ScannerBlocks,
     /// The block of the first knot of each scanner of each drive, if mountings move.
     pub knots: Vec<Vec<usize>>,
     /// The block of each scanner's compliance, if mountings move.
     pub compliance: Vec<usize>,
     /// The block of each scanner's mounting.
     pub mountings: Vec<usize>,
+}
+
+/// The blocks of constants of the scanners, where they are estimated.
+#[derive(Debug, Clone)]
+pub struct ScannerBlocks {
+    /// Of the latencies.
+    pub late: Vec<Option<usize>>,
+    /// Of what is added to all ranges.
+    pub range: Vec<Option<usize>>,
 }
 
 impl Layout {
@@ -90,7 +99,10 @@ impl Layout {
             .map(|places| places.iter().map(|place| first_constant + place).collect());
         let constants = constants.collect();
         let late = input.estimate_latency.iter();
-        let late = late.map(|estimate| estimate.then(|| add(1, 1))).collect();
+        let of_scanners = ScannerBlocks {
+            late: late.map(|estimate| estimate.then(|| add(1, 1))).collect(),
+            range: vec![None; input.mountings.len()],
+        };
         let count = if bends.is_some() {
             input.mountings.len()
         } else {
@@ -107,7 +119,7 @@ impl Layout {
             constants,
             constant_owner,
             first_constant,
-            late,
+            of_scanners,
             knots,
             compliance,
             mountings,

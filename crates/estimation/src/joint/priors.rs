@@ -176,7 +176,7 @@ impl JointProblem<'_> {
             batch.begin(group, 1.0, constant.correction * w);
             batch.touch(self.layout.first_constant + place, &[w]);
         }
-        for (late, value) in self.layout.late.iter().zip(&state.late_s) {
+        for (late, value) in self.layout.of_scanners.late.iter().zip(&state.late_s) {
             if let Some(block) = late {
                 batch.begin(group, 1.0, *value);
                 batch.touch(*block, &[1.0]);

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::input::JointInput;
-use super::layout::{Groups, Layout, REFERENCE, UP};
+use super::layout::{Groups, Layout, REFERENCE, ScannerBlocks, UP};
 use super::motion::Places;
 use super::row::{HELD_SIGMA, Row, RowBatch};
 use super::scan::{self, ScanBlocks, ScanContext};
@@ -188,13 +188,13 @@ impl<'a> JointProblem<'a> {
         }
     }
 
-    /// The blocks of the unknowns of a drive's scan factors, with `late` as the blocks of the latencies.
-    pub fn scan_blocks(&self, drive: usize, late: &[Option<usize>]) -> ScanBlocks {
+    /// The blocks of the unknowns of a drive's scan factors, with these of the scanners' constants.
+    pub fn scan_blocks(&self, drive: usize, of_scanners: &ScannerBlocks) -> ScanBlocks {
         ScanBlocks {
             first_motion: self.layout.first_motion[drive],
             first_surfel: self.layout.first_surfel,
             mountings: self.layout.mountings.clone(),
-            late: late.to_vec(),
+            of_scanners: of_scanners.clone(),
             compliance: self.layout.compliance.clone(),
             knots: self.layout.knots.get(drive).cloned().unwrap_or_default(),
             bending: self
@@ -207,23 +207,29 @@ impl<'a> JointProblem<'a> {
 
     /// Visits all rows in a fixed order.
     pub fn visit(&self, state: &State, visit: impl FnMut(&RowBatch)) {
-        self.visit_with(state, &self.layout.late, visit);
+        self.visit_with(state, &self.layout.of_scanners, visit);
     }
 
     /// As [`Self::visit`], without derivatives.
     pub fn visit_residuals(&self, state: &State, visit: impl FnMut(&RowBatch)) {
-        self.visit_batches(state, &self.layout.late, RowBatch::of_residuals, visit);
+        let of_scanners = &self.layout.of_scanners;
+        self.visit_batches(state, of_scanners, RowBatch::of_residuals, visit);
     }
 
-    /// As [`Self::visit`], with `late` as the blocks of the scanners' latencies.
-    pub fn visit_with(&self, state: &State, late: &[Option<usize>], visit: impl FnMut(&RowBatch)) {
-        self.visit_batches(state, late, RowBatch::default, visit);
+    /// As [`Self::visit`], with these blocks of the scanners' constants.
+    pub fn visit_with(
+        &self,
+        state: &State,
+        of_scanners: &ScannerBlocks,
+        visit: impl FnMut(&RowBatch),
+    ) {
+        self.visit_batches(state, of_scanners, RowBatch::default, visit);
     }
 
     fn visit_batches(
         &self,
         state: &State,
-        late: &[Option<usize>],
+        of_scanners: &ScannerBlocks,
         empty: fn() -> RowBatch,
         mut visit: impl FnMut(&RowBatch),
     ) {
@@ -235,7 +241,7 @@ impl<'a> JointProblem<'a> {
                 first_group: self.groups.first_motion[drive],
             };
             let context = self.scan_context(drive, state);
-            let blocks = self.scan_blocks(drive, late);
+            let blocks = self.scan_blocks(drive, of_scanners);
             let steps: Vec<usize> = (0..=motion.steps()).collect();
             for held in steps.chunks(TASK * HELD) {
                 let batches: Vec<RowBatch> = held
@@ -337,7 +343,7 @@ impl<'a> JointProblem<'a> {
             patches: state.patches.clone(),
             reference: state.reference,
         };
-        for (late, block) in next.late_s.iter_mut().zip(&layout.late) {
+        for (late, block) in next.late_s.iter_mut().zip(&layout.of_scanners.late) {
             *late += block.map_or(0.0, |block| part(block, 1)[0]);
         }
         if let Some(bends) = &mut next.bends {

@@ -31,6 +31,8 @@ pub struct Joint {
     pub late_s: Vec<Option<(f64, f64)>>,
     /// Estimate of each latency that was held, seconds.
     pub late_scores: Vec<Option<Score>>,
+    /// Estimate of what would be added to all ranges of each scanner, metres.
+    pub range_scores: Vec<Option<Score>>,
     /// Estimate of the height of the reference above the world of the poses, which was held, metres.
     pub height_score: Option<Score>,
     /// The rung at which these values were adjusted.

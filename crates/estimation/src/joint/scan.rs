@@ -1,6 +1,7 @@
 //! The scan factor: the mean distance of a scanner's points from a surfel within a step.
 
 use super::bend::{BENDING, Bends, CAUSES};
+use super::layout::ScannerBlocks;
 use super::motion::{AT_BRIDGE, GaussMarkov, Motion, NodeGradient, StepPoses};
 use super::row::RowBatch;
 use super::surfel::{DriveRows, RowPoint, ScanRow, Surfel};
@@ -47,6 +48,8 @@ pub struct Mean {
     pub by_next_knot: [f64; 6],
     /// Derivative by the latency of the profiles.
     pub by_late: f64,
+    /// Derivative by what is added to all ranges.
+    pub by_range: f64,
     /// d, metres.
     pub depth_m: f64,
     /// Mean time of the profiles, seconds.
@@ -276,6 +279,8 @@ impl<'a> StepScans<'a> {
         let pose = self.profile(scanner, points[points.len() / 2].profile);
         let in_body = transposed_product(&pose.rotation, normal);
         row_mean.depth_m = in_body.dot(&arm);
+        // The points of a row lie in nearly the same direction.
+        row_mean.by_range = row_mean.depth_m / arm.norm();
         if is_scaled(row.depth_m, row_mean.depth_m) {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
             let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
@@ -338,6 +343,7 @@ impl<'a> StepScans<'a> {
             by_compliance,
             by_next_knot,
             by_late: by_late / count,
+            by_range: 0.0,
             depth_m: 0.0,
             time_s: times_s / count,
         };
@@ -361,8 +367,11 @@ impl<'a> StepScans<'a> {
         if let Some(bridge) = blocks.bridge {
             batch.touch(bridge, &by[AT_BRIDGE..]);
         }
-        if let Some(late) = drive.late[scanner] {
+        if let Some(late) = drive.of_scanners.late[scanner] {
             batch.touch(late, &[mean.by_late * w]);
+        }
+        if let Some(range) = drive.of_scanners.range[scanner] {
+            batch.touch(range, &[mean.by_range * w]);
         }
         let by_mounting = mean.by_mounting.map(|x| x * w);
         if let Some(&compliance) = drive.compliance.get(scanner) {
@@ -387,8 +396,8 @@ pub struct ScanBlocks {
     pub first_surfel: usize,
     /// The block of each scanner's mounting.
     pub mountings: Vec<usize>,
-    /// The block of each scanner's latency, if it is estimated.
-    pub late: Vec<Option<usize>>,
+    /// The blocks of the scanners' constants.
+    pub of_scanners: ScannerBlocks,
     /// The block of each scanner's compliance; empty without compliance.
     pub compliance: Vec<usize>,
     /// The block of each scanner's first knot in this drive; empty without knots.

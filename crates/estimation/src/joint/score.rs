@@ -28,33 +28,39 @@ impl Score {
 pub struct Scores {
     /// Latency of each requested scanner.
     pub late: Vec<Option<Score>>,
+    /// What is added to the ranges of each scanner.
+    pub range: Vec<Option<Score>>,
     /// Height of the reference above the world of the poses.
     pub height: Option<Score>,
 }
 
 impl JointProblem<'_> {
-    /// Estimates the latencies of these scanners and the height of the reference above the world of the poses, all of
-    /// which are held, with the factor at a state.
-    pub fn scores(&self, state: &State, scanners: &[usize]) -> Scores {
-        let mut late = self.layout.late.clone();
-        let mut held = Vec::new();
-        for (extra, &scanner) in scanners.iter().enumerate() {
-            late[scanner] = Some(self.layout.sizes.len() + extra);
-            held.push(self.unknowns() + extra);
+    /// Estimates the latencies of these scanners, what is added to the ranges of each, and the height of the reference
+    /// above the world of the poses, all of which are held, with the factor at a state.
+    pub fn scores(&self, state: &State, late: &[usize]) -> Scores {
+        let mut blocks = self.layout.of_scanners.clone();
+        let scanners = blocks.range.len();
+        let mut next = self.layout.sizes.len()..;
+        for &scanner in late {
+            blocks.late[scanner] = next.next();
         }
+        blocks.range.fill_with(|| next.next());
+        let first = self.unknowns();
+        let mut held: Vec<usize> = (first..first + late.len() + scanners).collect();
         let up = self.layout.reference.map(|block| self.offset(block) + UP);
         held.extend(up);
-        let mut estimates = self.score(&held, |visit| self.visit_with(state, &late, visit));
+        let mut estimates = self.score(&held, |visit| self.visit_with(state, &blocks, visit));
         let height = up.and_then(|_| estimates.pop()?);
         let mut scores = Scores {
-            late: vec![None; late.len()],
+            late: vec![None; scanners],
+            range: estimates.split_off(late.len()),
             // The unknown is the correction of the reference, with the opposite sign.
             height: height.map(|score| Score {
                 value: -score.value,
                 ..score
             }),
         };
-        for (&scanner, score) in scanners.iter().zip(estimates) {
+        for (&scanner, score) in late.iter().zip(estimates) {
             scores.late[scanner] = score;
         }
         scores

@@ -1,5 +1,7 @@
 //! The mistakes that are tried where scans do not form a surface.
 
+use nalgebra::Quaternion;
+
 use super::TIME_SCALES_S;
 use crate::calibration::Mounting;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
@@ -22,6 +24,13 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// Half a turn about one of the axes.
 fn half_turn(axis: usize) -> Rotation {
     Rotation::from_scaled_axis(std::f64::consts::PI * Vec3::ith(axis, 1.0))
+}
+
+/// The mounting whose quaternion has the components w, x, y, z that were read as x, y, z, w.
+fn of_quaternion_wxyz(read: &BodyFromScanner) -> BodyFromScanner {
+    let [w, x, y, z] = read.rotation.coords.into();
+    let rotation = Rotation::from_quaternion(Quaternion::new(w, x, y, z));
+    BodyFromScanner::new(rotation, read.translation_m)
 }
 
 /// The usual mistakes in mountings and clocks of scanners; `nominal` are those of the project.
@@ -50,6 +59,11 @@ pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<
         format!(
             "with the inverse rotations: write rotation_convention = \"{convention}\", or invert the quaternions."
         ),
+    );
+    add(
+        nominal.iter().map(of_quaternion_wxyz).collect(),
+        "scanner.convention",
+        "with quaternions whose components are w, x, y, z: write them as x, y, z, w.".into(),
     );
     for i in 0..nominal.len() {
         let name = &mountings[i].name;
@@ -133,4 +147,20 @@ pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quaternions_in_another_order_are_put_right() {
+        let rotation = Rotation::from_euler_angles(0.4, -0.2, 1.3);
+        let [x, y, z, w] = rotation.coords.into();
+        let misread = Rotation::from_quaternion(Quaternion::from_vector([w, x, y, z].into()));
+        let misread = BodyFromScanner::new(misread, Vec3::x());
+        let right = of_quaternion_wxyz(&misread);
+        assert!(right.rotation.angle_to(&rotation) < 1e-12);
+        assert_eq!(right.translation_m, Vec3::x());
+    }
 }

@@ -30,7 +30,7 @@ use std::cmp::Reverse;
 
 use crate::comparison::MountingKind;
 use crate::diagnostics::PoseSigmas;
-use crate::joint::{JointReport, LateScanner, Rung};
+use crate::joint::{Joint, JointReport, LateScanner, Rung};
 use crate::results::{Calibrations, Drive, Results};
 use crate::verdict::{Acceptance, Severity, Verdict, capitalised};
 
@@ -126,6 +126,12 @@ fn calibration(
     verdicts.extend(agreement(drives, acceptance));
     if let Some(joint) = joint {
         verdicts.extend(joint.late.iter().map(late_scanner));
+        verdicts.extend(
+            joint
+                .result
+                .iter()
+                .flat_map(|joint| ranges(joint, acceptance)),
+        );
         for logs in &joint.contradicted {
             let (preflight, doubts) = (&logs.preflight, &logs.doubts);
             verdicts.extend(logs::on_other(&logs.drive, preflight, doubts));
@@ -158,6 +164,29 @@ fn calibration(
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     verdicts.extend(solution.and_then(|s| precision::origin(s, result.origin_sigma_m)));
     verdicts
+}
+
+/// A zero point is wrong if the scans show it by more than this many standard deviations.
+const RANGE_SIGMAS: f64 = 5.0;
+
+/// Verdicts on scanners that fit better with other ranges, by more than distances of clouds may be off.
+fn ranges(joint: &Joint, acceptance: &Acceptance) -> Vec<Verdict> {
+    let scanners = joint.mountings.iter().zip(&joint.range_scores);
+    let wrong = scanners.filter_map(|(mounting, score)| {
+        let score = (*score)?;
+        let is_wrong = score.value.abs() > acceptance.distance_m && score.sigmas() > RANGE_SIGMAS;
+        let text = format!(
+            "The scans fit best with ranges of scanner {} that are {:.1} ± {:.1} mm {}: check its zero point. Neither \
+             points nor mountings are corrected.",
+            mounting.name,
+            1e3 * score.value.abs(),
+            1e3 * score.sigma,
+            if score.value > 0.0 { "longer" } else { "shorter" },
+        );
+        let verdict = Verdict::care("scanner.range", text);
+        is_wrong.then(|| verdict.with_value(score.value, Some(score.sigma)))
+    });
+    wrong.collect()
 }
 
 /// The verdict on a scanner whose clock is late according to the joint adjustment.

@@ -133,7 +133,7 @@ fn at_the_solution_the_gradient_is_zero() {
         solve(&mut problem, &mut state);
         // A step keeps Huber's weights. If few rows beyond 2.5 standard deviations determine a direction, as
         // without a reference, the next step is still four fifths as long.
-        let zero = if problem.layout.late.iter().any(Option::is_some) {
+        let zero = if problem.layout.of_scanners.late.iter().any(Option::is_some) {
             ZERO_WITH_LATENCY
         } else {
             ZERO
@@ -230,7 +230,7 @@ fn scores_of_held_values_are_the_estimates_of_freed_ones() {
             let mut free = case.input();
             free.estimate_latency[scanner] = true;
             let (free, _) = case.problem(&free);
-            let block = free.layout.late[scanner].expect("estimated");
+            let block = free.layout.of_scanners.late[scanner].expect("estimated");
             let dense = Dense::new(&free, &state);
             near(name, score, freed(&dense, free.offset(block)));
         }

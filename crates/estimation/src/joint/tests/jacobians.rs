@@ -48,7 +48,7 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
         }
         b if Some(b) == layout.reference => "reference",
         b if layout.mountings.contains(&b) => "mounting",
-        b if layout.late.contains(&Some(b)) => "latency",
+        b if layout.of_scanners.late.contains(&Some(b)) => "latency",
         _ => "constant",
     }
 }
@@ -182,6 +182,28 @@ fn every_row_meets_finite_differences() {
         }
     }
     assert!(failed.is_empty(), "{failed:#?}");
+}
+
+/// Longer ranges move the points of a row along their own rays, which differ by some degrees from the mean.
+#[test]
+fn the_derivative_by_ranges_meets_finite_differences() {
+    let case = Case::plain();
+    let input = case.input();
+    let (mut problem, state) = case.problem(&input);
+    let by_range = problem.each_mean(&state, |_, row, mean| (row.depth_m, mean.by_range));
+    let mut at = |longer_m: f64| {
+        for drive in &mut problem.association.drives {
+            for point in &mut drive.points {
+                point.position_m += point.position_m.normalize() * longer_m;
+            }
+        }
+        problem.each_mean(&state, |_, _, mean| mean.residual_m * mean.depth_m)
+    };
+    let (plus, minus) = (at(STEP), at(-2.0 * STEP));
+    for ((plus, minus), (depth_m, by_range)) in plus.iter().zip(&minus).zip(by_range) {
+        let numeric = (plus - minus) / (2.0 * STEP * depth_m);
+        assert!((numeric - by_range).abs() < 0.01, "{numeric} {by_range}");
+    }
 }
 
 #[test]

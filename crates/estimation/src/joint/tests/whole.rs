@@ -158,6 +158,26 @@ fn the_score_of_a_latency_is_the_same_as_its_estimate() {
 }
 
 #[test]
+fn the_score_of_a_range_is_the_error_of_the_zero_point() {
+    let mut case = Case {
+        reference: Case::full().reference,
+        ..Case::plain()
+    };
+    let clean = adjusted(&case).range_scores[1].expect("held");
+    let long_m = 1.5e-3;
+    for point in &mut case.samples[1].points {
+        point.position_m += point.position_m.normalize() * long_m;
+    }
+    let scores = adjusted(&case).range_scores;
+    let score = scores[1].expect("held");
+    println!("{clean:?}, then {scores:?}");
+    assert!(clean.sigmas() < 4.0 && scores[0].expect("held").sigmas() < 4.0);
+    // The noise is the same, but rows that fit worse are trusted less.
+    let change_m = score.value - clean.value;
+    assert!((change_m + long_m).abs() < 0.2 * long_m && score.sigmas() > 5.0);
+}
+
+#[test]
 fn a_fixed_scanner_keeps_its_mounting_to_the_last_bit() {
     let mut case = Case::full();
     case.mountings[1] = Mounting {
