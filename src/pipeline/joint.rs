@@ -11,7 +11,6 @@ use super::joint_input::{input, surfel_m};
 use super::placed;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages;
-use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Mounting, Reach};
 use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
@@ -180,8 +179,7 @@ fn is_doubtful(joint: &Joint) -> bool {
 /// Why an adjustment that did not converge is doubtful: its standard deviations are those of another state.
 fn not_converged(joint: &Joint) -> Option<String> {
     let iterations = joint.iterations;
-    (joint.stop != StopReason::Converged)
-        .then(|| format!("it did not converge in {iterations} iterations"))
+    (!joint.stop.is_converged()).then(|| format!("it did not converge in {iterations} iterations"))
 }
 
 /// Whether mountings move and the reference is displaced: the adjustment may confuse one with the other.

@@ -15,7 +15,7 @@ use crate::project::{Scanner, scanners_to_toml};
 use crate::results::{Calibrations, Drive};
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
-use crate::trajectory::{Solution, StopReason};
+use crate::trajectory::Solution;
 use crate::verdict::{Headline, Verdict};
 
 /// The complete `result.json`.
@@ -206,7 +206,7 @@ fn joint(report: &JointReport, result: &Calibration, origin_m: &Vec3) -> Value {
     let shares = result.mountings.iter().zip(joint.prior_shares.chunks(6));
     let shares = shares.map(|(mounting, shares)| (mounting.name.clone(), json!(shares)));
     value["prior_share"] = shares.collect::<Map<_, _>>().into();
-    value["converged"] = json!(joint.stop == StopReason::Converged);
+    value["converged"] = json!(joint.stop.is_converged());
     for (key, count) in [
         ("iterations", joint.iterations),
         ("rows", joint.rows),

@@ -30,6 +30,11 @@ impl DampingRule {
         largest: 1e9,
         rounding: 1e-9,
     };
+
+    /// Whether a cost is lower than another by more than rounding.
+    pub fn is_lower(&self, than: f64, cost: f64) -> bool {
+        cost < than - self.rounding * (1.0 + than)
+    }
 }
 
 /// The outcome of a step.

@@ -81,7 +81,7 @@ pub fn at_rung(
     };
     let (mut round, mut again, mut sizes_m) = (Round::Coarse, false, vec![surfel_m]);
     let mut references = cells(&sizes_m, state.reference);
-    let (mut groups, mut held) = (Groups::new(input), Vec::new());
+    let (mut groups, mut held) = (Groups::new(input), None);
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
         iterations: 0,

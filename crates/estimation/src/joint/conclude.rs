@@ -180,7 +180,7 @@ pub fn conclude(
         }),
         surface_m: problem.surface_m,
         regions: problem.association.regions.clone(),
-        held: problem.held.clone(),
+        held: problem.held.clone().unwrap_or_default(),
         groups: tests(&problem.groups, components),
         stop,
         iterations,

@@ -7,8 +7,9 @@ use super::problem::JointProblem;
 use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
 use super::surfel::{LEAST_SIGMA_M, ReferencePlane, Surfel};
-use crate::calibration::Mounting;
+use crate::calibration::observability::LEVER_M;
 use crate::calibration::parameters::{change, euler_jacobian_body};
+use crate::calibration::{INITIAL_SIGMA_M, Mounting};
 use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
@@ -23,6 +24,9 @@ pub const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
 /// Standard deviation of a mounting's position (metres) and rotation, so wide that it only keeps the problem
 /// solvable.
 const MOUNTING_SIGMA: f64 = 1.0;
+/// The same until it is known what nothing determines: along such a direction a step of a fraction of a standard deviation
+/// is so long that derivatives no longer hold, and no step of usual damping would lower the cost.
+const START_SIGMA: [f64; 2] = [INITIAL_SIGMA_M, INITIAL_SIGMA_M / LEVER_M];
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
 
@@ -185,7 +189,7 @@ impl JointProblem<'_> {
         self.mountings(state, batch);
     }
 
-    /// Priors of the mountings: wide ones, and those of fixed parameters, held directions and known values.
+    /// Priors of the mountings: those of the start, and those of fixed parameters, held directions and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let from_start = change(&self.input.mountings, &state.mountings);
         let from_initial = change(self.input.initial, &state.mountings);
@@ -213,11 +217,11 @@ impl JointProblem<'_> {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                add(
-                    &direction,
-                    along(&direction, &from_start),
-                    1.0 / MOUNTING_SIGMA,
-                );
+                let sigma = match self.held {
+                    Some(_) => MOUNTING_SIGMA,
+                    None => START_SIGMA[parameter / 3],
+                };
+                add(&direction, along(&direction, &from_start), 1.0 / sigma);
                 if !mounting.fixed[parameter] {
                     continue;
                 }
@@ -232,7 +236,7 @@ impl JointProblem<'_> {
                 add(&direction, moved, 1.0 / HELD_SIGMA);
             }
         }
-        for direction in &self.held {
+        for direction in self.held.iter().flatten() {
             let direction = direction.as_slice();
             add(direction, along(direction, &from_initial), 1.0 / HELD_SIGMA);
         }

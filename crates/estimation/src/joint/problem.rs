@@ -39,8 +39,9 @@ pub struct JointProblem<'a> {
     pub groups: Groups,
     /// σ of the reference's surface errors, metres.
     pub surface_m: f64,
-    /// Directions of (δp, δφ) of all mountings that are held at their initial values.
-    pub held: Vec<DVector<f64>>,
+    /// Directions of (δp, δφ) of all mountings that nothing determines and that are held at their initial values; `None`
+    /// until these are known, and all mountings have priors.
+    pub held: Option<Vec<DVector<f64>>>,
     pub(super) system: SparseSystem,
     pub(super) factor: Option<SparseFactor>,
     /// The state at which the factor was computed without damping and with the present weights of the rows.
@@ -60,7 +61,7 @@ impl<'a> JointProblem<'a> {
         association: Association,
         groups: Groups,
         state: &State,
-        held: Vec<DVector<f64>>,
+        held: Option<Vec<DVector<f64>>>,
         surface_m: f64,
     ) -> Self {
         let has_prior = association

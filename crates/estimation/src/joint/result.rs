@@ -373,7 +373,7 @@ impl Joint {
         Calibration {
             method: Method::Joint,
             mountings: self.mountings.clone(),
-            converged: self.stop == StopReason::Converged,
+            converged: self.stop.is_converged(),
             covariance: Some(self.covariance.clone()),
             observability: Observability {
                 shares: two_steps.observability.shares.clone(),

@@ -192,17 +192,19 @@ impl Steps<'_> {
         self.settle(problem, state, SETTLED_SIGMAS)
     }
 
-    /// Holds the directions that nothing determines at their initial values; returns whether there are new
-    /// ones.
+    /// Holds the directions that nothing determines at their initial values, unless this was done before; returns whether
+    /// there are any.
     fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
-        if !problem.held.is_empty() {
+        if problem.held.is_some() {
             return false;
         }
-        problem.held = undetermined(problem, self.shared.as_ref());
-        if !problem.held.is_empty() {
+        let held = undetermined(problem, self.shared.as_ref());
+        let are_some = !held.is_empty();
+        if are_some {
             problem.judge_by(None);
         }
-        !problem.held.is_empty()
+        problem.held = Some(held);
+        are_some
     }
 }
 
@@ -232,7 +234,10 @@ fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Ve
     let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
         .filter_map(|k| {
             let direction = eigen.eigenvectors.column(k);
-            let sigma_m = eigen.eigenvalues[k].max(0.0).sqrt();
+            let variance_m2 = eigen.eigenvalues[k].max(0.0);
+            // Without the prior that holds until now.
+            let others = (1.0 - variance_m2 / INITIAL_SIGMA_M.powi(2)).max(f64::EPSILON);
+            let sigma_m = (variance_m2 / others).sqrt();
             (sigma_m * direction.amax() > INITIAL_SIGMA_M).then(|| {
                 (
                     sigma_m,

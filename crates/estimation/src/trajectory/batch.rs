@@ -12,7 +12,7 @@ use super::states::{State, VELOCITY};
 use super::streams::{Names, Streams};
 use super::timeline::Timeline;
 use super::variance::imu_mean_component;
-use crate::adjustment::{ChainFactor, ChainProblem, Ended, NODE, NotPositive, StopReason};
+use crate::adjustment::{ChainFactor, ChainProblem, Ended, NODE, NotPositive};
 use crate::error::{Error, Problem, Result};
 use crate::progress::Progress;
 
@@ -167,7 +167,7 @@ pub fn adjust_once(
         weights,
         progress,
     )?;
-    if ended.stop != StopReason::Converged {
+    if !ended.stop.is_converged() {
         graph.factorise(&state, 0.0, &mut factor).map_err(|free| {
             let what = match free {
                 NotPositive::Node(node) => {

@@ -10,7 +10,7 @@ use super::solution::{
     ClockJump, EstimatedConstant, NOISE_SCALE, Rejection, RejectionReason, Solution,
 };
 use super::streams::Names;
-use crate::adjustment::{StepCovariance, StopReason, residual_information};
+use crate::adjustment::{StepCovariance, residual_information};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::sensor::PoseRecord;
@@ -51,7 +51,7 @@ pub fn conclude(
         diagnostics(graph, state, settings, findings, &streams.dropped);
     let solution = Solution {
         iterations: ended.iterations,
-        converged: ended.stop == StopReason::Converged,
+        converged: ended.stop.is_converged(),
         stop: ended.stop,
         cost_initial: ended.cost_initial,
         cost_final: ended.cost,

@@ -178,7 +178,7 @@ pub struct ClockJump {
 pub struct Solution {
     /// Steps tried, refused ones included.
     pub iterations: usize,
-    /// Whether `stop` is [`StopReason::Converged`].
+    /// Whether more steps would not have changed the solution: [`StopReason::is_converged`].
     pub converged: bool,
     /// Why it stopped.
     pub stop: StopReason,

@@ -166,15 +166,19 @@ fn calibration(
     verdicts
 }
 
-/// A zero point is wrong if the scans show it by more than this many standard deviations.
+/// A zero point is wrong if the scans show it by more than this many standard deviations, and by more than this share of
+/// what distances of clouds may be off: mountings absorb most of it, and their rotations are then off by several of
+/// their standard deviations.
 const RANGE_SIGMAS: f64 = 5.0;
+const RANGE_SHARE: f64 = 0.1;
 
-/// Verdicts on scanners that fit better with other ranges, by more than distances of clouds may be off.
+/// Verdicts on scanners that fit better with other ranges.
 fn ranges(joint: &Joint, acceptance: &Acceptance) -> Vec<Verdict> {
     let scanners = joint.mountings.iter().zip(&joint.range_scores);
     let wrong = scanners.filter_map(|(mounting, score)| {
         let score = (*score)?;
-        let is_wrong = score.value.abs() > acceptance.distance_m && score.sigmas() > RANGE_SIGMAS;
+        let least_m = RANGE_SHARE * acceptance.distance_m;
+        let is_wrong = score.value.abs() > least_m && score.sigmas() > RANGE_SIGMAS;
         let text = format!(
             "The scans fit best with ranges of scanner {} that are {:.1} ± {:.1} mm {}: check its zero point. Neither \
              points nor mountings are corrected.",

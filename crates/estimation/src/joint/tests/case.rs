@@ -422,7 +422,7 @@ impl Case {
             association,
             Groups::new(input),
             &state,
-            Vec::new(),
+            Some(Vec::new()),
             self.surface_m,
         );
         (problem, state)

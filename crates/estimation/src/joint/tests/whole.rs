@@ -99,7 +99,7 @@ fn what_nothing_determines_is_held_at_its_initial_value() {
     };
     let (mut problem, mut state) = case.problem(&input);
     let common_height = DVector::from_fn(12, |i, _| if i % 6 == 2 { 1.0 } else { 0.0 });
-    problem.held = vec![common_height];
+    problem.held = Some(vec![common_height]);
     levenberg_marquardt(&mut problem, &mut state, DAMPING, 20, 0.1, &Silent).expect("steps");
     let mean_m = |mountings: &[Mounting]| {
         let heights = mountings

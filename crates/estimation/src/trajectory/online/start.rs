@@ -5,7 +5,6 @@ use super::records::{ReceivedLogs, Record, RecordId};
 use super::running::Running;
 use super::smoother::Smoother;
 use super::update::Update;
-use crate::adjustment::StopReason;
 use crate::error::{Error, Problem, Result};
 use crate::progress::Silent;
 use crate::sensor::{ImuSample, Timed};
@@ -111,7 +110,7 @@ fn adjusted(
     options: OnlineOptions,
 ) -> Result<(Running, Update)> {
     let adjusted = adjust_once(&initial, logs, settings, &[], &Carried::default(), &Silent)?;
-    if adjusted.ended.stop != StopReason::Converged {
+    if !adjusted.ended.stop.is_converged() {
         return Err(Error::of(
             Problem::TooFew,
             "the first seconds do not determine a trajectory",
