@@ -73,7 +73,7 @@ pub fn conclude(
     let is_tested =
         |s: &usize| layout.of_scanners.late[*s].is_none() && problem.input.known.is_none();
     let tested: Vec<usize> = (0..count).filter(is_tested).collect();
-    let scores = problem.scores(factored, &tested);
+    let scores = problem.scores(factored, &tested, &covariance);
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];

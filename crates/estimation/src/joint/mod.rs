@@ -47,6 +47,6 @@ pub use result::{
     KnownPoint, LateScanner, MovedMounting, PoseErrors, PoseMove, ReferenceError, SurfelPlane,
     known_m,
 };
-pub use score::Score;
+pub use score::{RangeScore, Score};
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};
 pub use surfel::Region;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::bend::{Compliance, Rung};
 use super::components::Component;
 use super::motion::{PositionBlocks, PositionResiduals};
-use super::score::Score;
+use super::score::{RangeScore, Score};
 use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
@@ -31,8 +31,8 @@ pub struct Joint {
     pub late_s: Vec<Option<(f64, f64)>>,
     /// Estimate of each latency that was held, seconds.
     pub late_scores: Vec<Option<Score>>,
-    /// Estimate of what would be added to all ranges of each scanner, metres.
-    pub range_scores: Vec<Option<Score>>,
+    /// Estimate of what would be added to all ranges of each scanner.
+    pub range_scores: Vec<Option<RangeScore>>,
     /// Estimate of the height of the reference above the world of the poses, which was held, metres.
     pub height_score: Option<Score>,
     /// The rung at which these values were adjusted.

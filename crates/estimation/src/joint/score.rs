@@ -1,5 +1,6 @@
 //! Estimates of values that the adjustment holds.
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::layout::UP;
@@ -23,21 +24,37 @@ impl Score {
     }
 }
 
+/// What would be added to all ranges of a scanner.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RangeScore {
+    /// Metres.
+    pub added: Score,
+    /// The largest change of a parameter of a mounting with it, in standard deviations of the parameter.
+    pub moved_sigmas: f64,
+}
+
+/// An estimate of a held value, and the change of each unknown with the value.
+struct Held {
+    score: Score,
+    follow: Vec<f64>,
+}
+
 /// Estimates of all values that are held.
 #[derive(Debug, Clone)]
 pub struct Scores {
     /// Latency of each requested scanner.
     pub late: Vec<Option<Score>>,
     /// What is added to the ranges of each scanner.
-    pub range: Vec<Option<Score>>,
+    pub range: Vec<Option<RangeScore>>,
     /// Height of the reference above the world of the poses.
     pub height: Option<Score>,
 }
 
 impl JointProblem<'_> {
     /// Estimates the latencies of these scanners, what is added to the ranges of each, and the height of the reference
-    /// above the world of the poses, all of which are held, with the factor at a state.
-    pub fn scores(&self, state: &State, late: &[usize]) -> Scores {
+    /// above the world of the poses, all of which are held, with the factor at a state. The covariance is that of (δp, δφ) of
+    /// all mountings.
+    pub fn scores(&self, state: &State, late: &[usize], covariance: &DMatrix<f64>) -> Scores {
         let mut blocks = self.layout.of_scanners.clone();
         let scanners = blocks.range.len();
         let mut next = self.layout.sizes.len()..;
@@ -51,19 +68,42 @@ impl JointProblem<'_> {
         held.extend(up);
         let mut estimates = self.score(&held, |visit| self.visit_with(state, &blocks, visit));
         let height = up.and_then(|_| estimates.pop()?);
+        let ranges = estimates.split_off(late.len()).into_iter();
+        let range = ranges.map(|held| {
+            held.map(|held| RangeScore {
+                moved_sigmas: self.moved_sigmas(&held, covariance),
+                added: held.score,
+            })
+        });
         let mut scores = Scores {
             late: vec![None; scanners],
-            range: estimates.split_off(late.len()),
+            range: range.collect(),
             // The unknown is the correction of the reference, with the opposite sign.
-            height: height.map(|score| Score {
-                value: -score.value,
-                ..score
+            height: height.map(|held| Score {
+                value: -held.score.value,
+                ..held.score
             }),
         };
-        for (&scanner, score) in late.iter().zip(estimates) {
-            scores.late[scanner] = score;
+        for (&scanner, held) in late.iter().zip(estimates) {
+            scores.late[scanner] = held.map(|held| held.score);
         }
         scores
+    }
+
+    /// The largest change of a parameter of a mounting with the estimate of a held value, in standard deviations of the
+    /// parameter.
+    fn moved_sigmas(&self, held: &Held, covariance: &DMatrix<f64>) -> f64 {
+        let blocks = self.layout.mountings.iter().enumerate();
+        let changes = blocks.flat_map(|(scanner, &block)| {
+            // The unknowns are (δφ, δp).
+            (0..6).map(move |i| (6 * scanner + (i + 3) % 6, self.offset(block) + i))
+        });
+        let in_sigmas = changes.filter_map(|(parameter, unknown)| {
+            let variance = covariance[(parameter, parameter)];
+            let change = held.score.value * held.follow[unknown];
+            (variance > 0.0).then(|| change.abs() / variance.sqrt())
+        });
+        in_sigmas.fold(0.0, f64::max)
     }
 
     /// Estimates the value τ at each of these places, which may lie after all unknowns; the other held values stay
@@ -73,9 +113,9 @@ impl JointProblem<'_> {
         &self,
         held: &[usize],
         visit: impl Fn(&mut dyn FnMut(&RowBatch)),
-    ) -> Vec<Option<Score>> {
+    ) -> Vec<Option<Held>> {
         let Some(factor) = self.factor() else {
-            return vec![None; held.len()];
+            return held.iter().map(|_| None).collect();
         };
         let unknowns = self.unknowns();
         let mut places = Vec::new();
@@ -114,10 +154,14 @@ impl JointProblem<'_> {
                 }
             }
         });
-        let scores = sums.into_iter().map(|(information, against)| {
-            (information > 0.0).then(|| Score {
-                value: -against / information,
-                sigma: information.sqrt().recip(),
+        let scores = sums.into_iter().zip(follow);
+        let scores = scores.map(|((information, against), follow)| {
+            (information > 0.0).then(|| Held {
+                score: Score {
+                    value: -against / information,
+                    sigma: information.sqrt().recip(),
+                },
+                follow,
             })
         });
         scores.collect()

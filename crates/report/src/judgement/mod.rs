@@ -12,6 +12,7 @@ mod placement;
 mod precision;
 mod recording;
 mod reference;
+mod scanners;
 mod trajectory;
 mod truth;
 
@@ -24,15 +25,16 @@ pub use placement::{far_starts, newer_calibration, placed, unusable_calibration}
 pub use precision::{observability, relative, unobservable};
 pub use recording::verdicts as recording;
 pub use reference::{disagreements, included as reference_sigmas};
+pub use scanners::late as late_scanner;
 pub use trajectory::{doubt, position_step, verdicts as trajectory};
 
 use std::cmp::Reverse;
 
 use crate::comparison::MountingKind;
 use crate::diagnostics::PoseSigmas;
-use crate::joint::{Joint, JointReport, LateScanner, Rung};
+use crate::joint::{JointReport, Rung};
 use crate::results::{Calibrations, Drive, Results};
-use crate::verdict::{Acceptance, Severity, Verdict, capitalised};
+use crate::verdict::{Acceptance, Severity, Verdict};
 
 /// The verdicts on the results of a run, those that need attention first. The others keep the order in which a user
 /// reads them: faults of the logs and of the first placement, constants of the project that the drive contradicts, the
@@ -125,13 +127,7 @@ fn calibration(
     let mut verdicts = method(result, joint);
     verdicts.extend(agreement(drives, acceptance));
     if let Some(joint) = joint {
-        verdicts.extend(joint.late.iter().map(late_scanner));
-        verdicts.extend(
-            joint
-                .result
-                .iter()
-                .flat_map(|joint| ranges(joint, acceptance)),
-        );
+        verdicts.extend(joint.late.iter().map(scanners::late));
         for logs in &joint.contradicted {
             let (preflight, doubts) = (&logs.preflight, &logs.doubts);
             verdicts.extend(logs::on_other(&logs.drive, preflight, doubts));
@@ -139,6 +135,7 @@ fn calibration(
         verdicts.extend(joint.fits_alone.then(reference::misplaced));
     }
     verdicts.extend(disagreements(calibrations));
+    verdicts.extend(accepted.into_iter().flat_map(scanners::ranges));
     verdicts.extend(accepted.into_iter().flat_map(motion::verdicts));
     verdicts.extend(accepted.and_then(reference::height));
     verdicts.push(convergence::convergence(result));
@@ -164,38 +161,4 @@ fn calibration(
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     verdicts.extend(solution.and_then(|s| precision::origin(s, result.origin_sigma_m)));
     verdicts
-}
-
-/// A zero point is wrong if the scans show it by more than this many standard deviations, and by more than this share of
-/// what distances of clouds may be off: mountings absorb most of it, and their rotations are then off by several of
-/// their standard deviations.
-const RANGE_SIGMAS: f64 = 5.0;
-const RANGE_SHARE: f64 = 0.1;
-
-/// Verdicts on scanners that fit better with other ranges.
-fn ranges(joint: &Joint, acceptance: &Acceptance) -> Vec<Verdict> {
-    let scanners = joint.mountings.iter().zip(&joint.range_scores);
-    let wrong = scanners.filter_map(|(mounting, score)| {
-        let score = (*score)?;
-        let least_m = RANGE_SHARE * acceptance.distance_m;
-        let is_wrong = score.value.abs() > least_m && score.sigmas() > RANGE_SIGMAS;
-        let text = format!(
-            "The scans fit best with ranges of scanner {} that are {:.1} ± {:.1} mm {}: check its zero point. Neither \
-             points nor mountings are corrected.",
-            mounting.name,
-            1e3 * score.value.abs(),
-            1e3 * score.sigma,
-            if score.value > 0.0 { "longer" } else { "shorter" },
-        );
-        let verdict = Verdict::care("scanner.range", text);
-        is_wrong.then(|| verdict.with_value(score.value, Some(score.sigma)))
-    });
-    wrong.collect()
-}
-
-/// The verdict on a scanner whose clock is late according to the joint adjustment.
-pub fn late_scanner(scanner: &LateScanner) -> Verdict {
-    let text = capitalised(&scanner.describe()) + ".";
-    let verdict = Verdict::care("scanner.time_offset", text);
-    verdict.with_value(scanner.late.value, Some(scanner.late.sigma))
 }

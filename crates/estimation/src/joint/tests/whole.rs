@@ -2,7 +2,7 @@
 
 use super::case::{Case, SURFEL_M, truth};
 use crate::adjustment::{StopReason, levenberg_marquardt};
-use crate::calibration::Mounting;
+use crate::calibration::{Mounting, change};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::adjust::at_rung;
@@ -163,18 +163,25 @@ fn the_score_of_a_range_is_the_error_of_the_zero_point() {
         reference: Case::full().reference,
         ..Case::plain()
     };
-    let clean = adjusted(&case).range_scores[1].expect("held");
+    let before = adjusted(&case);
     let long_m = 1.5e-3;
     for point in &mut case.samples[1].points {
         point.position_m += point.position_m.normalize() * long_m;
     }
-    let scores = adjusted(&case).range_scores;
-    let score = scores[1].expect("held");
-    println!("{clean:?}, then {scores:?}");
-    assert!(clean.sigmas() < 4.0 && scores[0].expect("held").sigmas() < 4.0);
+    let after = adjusted(&case);
+    let [clean, long] = [&before, &after].map(|joint| joint.range_scores[1].expect("held"));
+    println!("{clean:?}, then {long:?}");
+    let others = [&before, &after].map(|joint| joint.range_scores[0].expect("held").added);
+    assert!(clean.added.sigmas() < 4.0 && others.iter().all(|other| other.sigmas() < 4.0));
     // The noise is the same, but rows that fit worse are trusted less.
-    let change_m = score.value - clean.value;
-    assert!((change_m + long_m).abs() < 0.2 * long_m && score.sigmas() > 5.0);
+    let change_m = long.added.value - clean.added.value;
+    assert!((change_m + long_m).abs() < 0.2 * long_m && long.added.sigmas() > 5.0);
+    // To add that would bring the mountings back.
+    let moved = change(&before.mountings, &after.mountings);
+    let sigmas = after.covariance.diagonal().map(f64::sqrt);
+    let moved_sigmas = moved.component_div(&sigmas).amax();
+    println!("moved by {moved_sigmas} sigma");
+    assert!((long.moved_sigmas / moved_sigmas - 1.0).abs() < 0.3);
 }
 
 #[test]
