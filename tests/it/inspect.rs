@@ -48,7 +48,7 @@ fn inspect_reports_the_assumptions_of_the_joint_adjustment() {
                  two steps";
     assert_lines(&[
         joint,
-        "  size of surfels         ten times the finest voxel, half of that on rough ground",
+        "  size of surfels         ten times the spacing of points, half of that on rough ground",
         "  iterations              at most 100",
         "  lasting errors          none",
         "  3. adjust trajectory and mountings in one",
