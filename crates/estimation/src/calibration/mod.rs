@@ -376,8 +376,8 @@ fn flattened(
     let has_left = problem.has_left(&aligned, &state.mountings);
     if has_left || problem.is_far(initial, &state.mountings) {
         course.ending = Ending::Kept;
-    } else if patch::patches(problem, &state.surface.placed).is_empty()
-        && patch::has_several_clouds(problem)
+    } else if patch::has_several_clouds(problem)
+        && patch::patches(problem, &state.surface.placed).is_empty()
     {
         course.ending = Ending::Apart;
     }

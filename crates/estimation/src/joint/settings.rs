@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::bend::Rung;
 use crate::calibration::POSE_CORRELATION_S;
 
-/// Size of a surfel in finest voxels of the calibration that precedes the adjustment.
+/// Size of a surfel in spacings of points.
 const SURFEL_SPACINGS: f64 = 10.0;
 
 /// Settings of the joint adjustment.
