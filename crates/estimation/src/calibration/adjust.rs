@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::cost::{NormalEquations, cost};
 use super::observability::Observability;
-use super::parameters::{moved, poses};
+use super::parameters::{poses, stepped};
 use super::scale::{Adjusted, Ending, ScaleProblem, State};
 use crate::adjustment::{Damping, DampingRule, Verdict};
 use crate::error::Result;
@@ -57,6 +57,7 @@ pub fn minimise(
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
     let count = now.surface.planes.len() as f64;
+    let centres_m = problem.cloud.centres_m();
     while iterations < problem.max_iterations {
         progress.check()?;
         progress.advance(1);
@@ -66,7 +67,7 @@ pub fn minimise(
             ending = Ending::NotDetermined;
             break;
         };
-        let mountings = moved(&now.mountings, &step);
+        let mountings = stepped(&now.mountings, &step, &centres_m);
         let there = poses(&mountings);
         let moved_m = problem
             .cloud

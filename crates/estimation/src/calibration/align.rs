@@ -19,13 +19,14 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::cost::NormalEquations;
-use super::parameters::{Mounting, change, free_basis, moved, poses};
+use super::observability::LEVER_M;
+use super::parameters::{Mounting, change, free_basis, poses, stepped};
 use super::patch::{Patch, patches};
 use super::scale::ScaleProblem;
 use super::settings::{INITIAL_SIGMA_M, INITIAL_SIGMA_RAD};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::statistics::mean;
+use crate::statistics::{mean, rms};
 use crate::surface::{Placed, SurfaceCloud};
 
 /// Share of the information on a direction below which it is not aligned.
@@ -34,6 +35,9 @@ const HELD_SHARE: f64 = 1e-2;
 const MAX_STEPS: usize = 20;
 /// The clouds are aligned when a step moves no point by more than this share of a voxel.
 const ALIGNED_SHARE: f64 = 0.02;
+/// So many steps back that do not lower the objective beyond chance end the alignment: they go to and fro along what the
+/// clouds hardly determine. Towards clouds that lie apart, steps go on in one direction before it falls.
+const PATIENCE: usize = 4;
 
 /// Stretches of the scans whose contradictions show how certain a step is: several for each of the 24 parameters of four
 /// scanners.
@@ -64,11 +68,18 @@ pub fn align(
     progress: &dyn Progress,
 ) -> Result<Aligned> {
     let cloud = &problem.cloud;
+    let centres_m = cloud.centres_m();
     let mut aligned = Aligned {
         mountings: start.to_vec(),
         costs: Vec::new(),
         neighbourhoods: 0,
         steps: 0,
+    };
+    let mut best = Best {
+        mountings: Vec::new(),
+        misfit: f64::INFINITY,
+        last_step: DVector::zeros(6 * start.len()),
+        stale: 0,
     };
     while aligned.steps < MAX_STEPS {
         progress.check()?;
@@ -90,14 +101,71 @@ pub fn align(
         let Some(step) = step(&blocks, initial, now) else {
             break;
         };
-        let step_m = cloud.largest_displacement(&poses(now), &poses(&moved(now, &step)));
-        // Farther away there are other neighbours.
-        aligned.mountings = moved(now, &(step * (problem.voxel_m / step_m).min(1.0)));
-        if step_m < ALIGNED_SHARE * problem.voxel_m {
+        if best.is_stale(misfit(&patches, &placed, problem.floor_m), now, &step) {
             break;
         }
+        let stepped = |step: &DVector<f64>| stepped(now, step, &centres_m);
+        let step_m = cloud.largest_displacement(&poses(now), &poses(&stepped(&step)));
+        // Farther away there are other neighbours.
+        aligned.mountings = stepped(&(step * (problem.voxel_m / step_m).min(1.0)));
+        if step_m < ALIGNED_SHARE * problem.voxel_m {
+            return Ok(aligned);
+        }
+    }
+    if best.stale > 0 {
+        aligned.mountings = best.mountings;
     }
     Ok(aligned)
+}
+
+/// The mean of √(1 + v_b / (v_w + s²)) over the patches, and its standard deviation by [`BLOCKS`] stretches of the scans.
+fn misfit(patches: &[Patch], placed: &Placed, floor_m: f64) -> [f64; 2] {
+    let blocks = patches.chunks(patches.len().div_ceil(BLOCKS).max(1));
+    let means = blocks.map(|block| {
+        let roots = block.iter().map(|patch| {
+            let [within, all] = patch.variances(&patch.offsets(&placed.world), floor_m);
+            (all / within).sqrt()
+        });
+        mean(&roots.collect::<Vec<f64>>())
+    });
+    let means: Vec<f64> = means.collect();
+    let of_all = mean(&means);
+    let scatter = rms(means.iter().map(|x| x - of_all));
+    [of_all, scatter / (means.len() as f64).sqrt()]
+}
+
+/// The product of two steps, with rotations in metres.
+fn weighted_product(a: &DVector<f64>, b: &DVector<f64>) -> f64 {
+    let terms = a.iter().zip(b).enumerate();
+    let scale = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M };
+    terms.map(|(i, (a, b))| scale(i) * a * b).sum()
+}
+
+/// The mountings with the lowest objective so far.
+struct Best {
+    mountings: Vec<Mounting>,
+    misfit: f64,
+    last_step: DVector<f64>,
+    /// Steps back since then.
+    stale: usize,
+}
+
+impl Best {
+    /// Takes mountings, before a step, that are better beyond chance; whether none have been for [`PATIENCE`] steps back.
+    fn is_stale(
+        &mut self,
+        [misfit, sigma]: [f64; 2],
+        mountings: &[Mounting],
+        step: &DVector<f64>,
+    ) -> bool {
+        if misfit < self.misfit - sigma {
+            (self.mountings, self.misfit, self.stale) = (mountings.to_vec(), misfit, 0);
+        } else {
+            self.stale += usize::from(weighted_product(&self.last_step, step) < 0.0);
+        }
+        self.last_step = step.clone();
+        self.stale == PATIENCE
+    }
 }
 
 /// Normal equations of the patches of each of [`BLOCKS`] stretches of the scans.
@@ -174,11 +242,11 @@ mod tests {
     use super::*;
     use crate::calibration::adjust::minimise;
     use crate::calibration::observability::Observability;
+    use crate::calibration::parameters::moved;
     use crate::calibration::scale::Ending;
     use crate::calibration::{aligned, flattened};
     use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
     use crate::progress::Silent;
-    use crate::statistics::rms;
     use crate::surface::{Profile, ProfilePoint};
 
     const VOXEL_M: f64 = 0.03;

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::euler::{euler_deg_from_rotation, euler_jacobian, rotation_from_euler_deg};
+use crate::geometry::so3::exp;
 use crate::geometry::{BodyFromScanner, EulerConvention, Mat3, Vec3};
 
 /// Names of the six parameters of a mounting: translation, then rotation about the body's axes.
@@ -133,6 +134,23 @@ pub fn moved(mountings: &[Mounting], delta: &DVector<f64>) -> Vec<Mounting> {
         .collect()
 }
 
+/// Perturbs every mounting by its six entries of a step that may be long, given the mean x̄ of the points of each scanner,
+/// scanner frame, metres: R ← Exp(δφ) R and t ← t + δp − (Exp(δφ) − 1 − δφ×) R x̄, so that R x̄ + t moves by δp + δφ × R x̄.
+///
+/// Surfaces often determine a turn about the points only weakly. Such a turn by δφ moves a scanner at the distance d from
+/// them along an arc. A step along its tangent would carry the points away by d δφ²/2, far more than their noise.
+pub fn stepped(mountings: &[Mounting], step: &DVector<f64>, centres_m: &[Vec3]) -> Vec<Mounting> {
+    let mut delta = step.clone();
+    for (index, (mounting, centre_m)) in mountings.iter().zip(centres_m).enumerate() {
+        let turn = delta.fixed_rows::<3>(6 * index + 3).into_owned();
+        let arm_m = mounting.body_from_scanner.rotation * centre_m;
+        let arc_m = exp(&turn) * arm_m - arm_m - turn.cross(&arm_m);
+        let mut shift_m = delta.fixed_rows_mut::<3>(6 * index);
+        shift_m -= arc_m;
+    }
+    moved(mountings, &delta)
+}
+
 /// The perturbations (δp, δφ) that turn `from` into `to`.
 pub fn change(from: &[Mounting], to: &[Mounting]) -> DVector<f64> {
     let parts = from.iter().zip(to).flat_map(|(from, to)| {
@@ -188,5 +206,27 @@ mod tests {
         let delta = DVector::from_column_slice(&[0.1, 0.2, 0.3, 0.01, -0.02, 0.03]);
         let moved = mounting.moved(delta.as_slice());
         assert!((change(&[mounting], &[moved]) - delta).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_moves_the_centre_of_the_points_along_its_tangent() {
+        let mountings = [left([false; 6])];
+        let centre_m = Vec3::new(0.1, -0.2, 0.8);
+        let step = DVector::from_column_slice(&[0.01, 0.02, -0.01, 0.1, -0.2, 0.1]);
+        let [stepped] = &stepped(&mountings, &step, &[centre_m])[..] else {
+            panic!("one mounting")
+        };
+        let (before, after) = (&mountings[0].body_from_scanner, &stepped.body_from_scanner);
+        let turn = Vec3::new(0.1, -0.2, 0.1);
+        let along = Vec3::new(0.01, 0.02, -0.01) + turn.cross(&(before.rotation * centre_m));
+        let travelled = after.map(&centre_m) - before.map(&centre_m);
+        assert!((travelled - along).norm() < 1e-12);
+        let plain = moved(&mountings, &step);
+        assert_eq!(plain[0].body_from_scanner.rotation, after.rotation);
+        // Another point moves along its tangent up to second order.
+        assert!(
+            (plain[0].body_from_scanner.map(&centre_m) - before.map(&centre_m) - along).norm()
+                > 1e-3
+        );
     }
 }

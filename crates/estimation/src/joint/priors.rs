@@ -13,6 +13,7 @@ use crate::calibration::{INITIAL_SIGMA_M, Mounting};
 use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
+use crate::geometry::so3::right_jacobian_inverse;
 use nalgebra::DVector;
 
 /// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
@@ -27,6 +28,10 @@ const MOUNTING_SIGMA: f64 = 1.0;
 /// The same until it is known what nothing determines: along such a direction a step of a fraction of a standard deviation
 /// is so long that derivatives no longer hold, and no step of usual damping would lower the cost.
 const START_SIGMA: [f64; 2] = [INITIAL_SIGMA_M, INITIAL_SIGMA_M / LEVER_M];
+/// Standard deviation of a direction that is held, because nothing determines it to [`INITIAL_SIGMA_M`], metres: small
+/// against that, and so large that a step, which follows a direction of rotations to first order only, does not raise the
+/// cost.
+const HELD_DIRECTION_SIGMA_M: f64 = 1e-4;
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
 
@@ -237,14 +242,27 @@ impl JointProblem<'_> {
             }
         }
         for direction in self.held.iter().flatten() {
-            let direction = direction.as_slice();
-            add(direction, along(direction, &from_initial), 1.0 / HELD_SIGMA);
+            let moved = along(direction.as_slice(), &from_initial);
+            let by = by_perturbation(direction, &from_initial);
+            add(by.as_slice(), moved, 1.0 / HELD_DIRECTION_SIGMA_M);
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
             add(&direction, along(&direction, &from_start), 1.0);
         }
     }
+}
+
+/// Derivatives of `direction` · (δp, δφ), the change of mountings from others, by a further perturbation:
+/// Log(Exp(ε) Exp(δφ)) ≈ δφ + J_r⁻¹(δφ)ᵀ ε.
+fn by_perturbation(direction: &DVector<f64>, change: &DVector<f64>) -> DVector<f64> {
+    let mut by = direction.clone();
+    for place in (3..by.len()).step_by(6) {
+        let turn = right_jacobian_inverse(&change.fixed_rows::<3>(place).into_owned());
+        let part = turn * direction.fixed_rows::<3>(place);
+        by.fixed_rows_mut::<3>(place).copy_from(&part);
+    }
+    by
 }
 
 /// Change of each Euler angle, radians. The rotation vector would give it to first order only, which is

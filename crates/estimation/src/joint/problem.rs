@@ -12,7 +12,7 @@ use super::settings::JointSettings;
 use super::state::State;
 use super::surfel::{Association, CLASSES, COVERAGES, LEAST_SIGMA_M, ScanRow};
 use crate::adjustment::{BlockPattern, SparseFactor, SparseSystem};
-use crate::calibration::parameters::moved;
+use crate::calibration::parameters::stepped;
 use crate::geometry::Vec3;
 
 /// Steps per task.
@@ -42,6 +42,8 @@ pub struct JointProblem<'a> {
     /// Directions of (δp, δφ) of all mountings that nothing determines and that are held at their initial values; `None`
     /// until these are known, and all mountings have priors.
     pub held: Option<Vec<DVector<f64>>>,
+    /// The mean of the points of each scanner, scanner frame, metres.
+    centres_m: Vec<Vec3>,
     pub(super) system: SparseSystem,
     pub(super) factor: Option<SparseFactor>,
     /// The state at which the factor was computed without damping and with the present weights of the rows.
@@ -90,6 +92,7 @@ impl<'a> JointProblem<'a> {
             groups,
             surface_m,
             held,
+            centres_m: centres_m(input),
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
             factored: None,
@@ -337,7 +340,7 @@ impl<'a> JointProblem<'a> {
         }
         let mut next = State {
             motions: motions.collect(),
-            mountings: moved(&state.mountings, &delta),
+            mountings: stepped(&state.mountings, &delta, &self.centres_m),
             bends: state.bends.clone(),
             late_s: state.late_s.clone(),
             shapes: state.shapes.clone(),
@@ -379,4 +382,20 @@ impl<'a> JointProblem<'a> {
         }
         next
     }
+}
+
+/// The mean of the points of each scanner over all drives, scanner frame, metres.
+fn centres_m(input: &JointInput<'_>) -> Vec<Vec3> {
+    let of_scanner = |scanner: usize| {
+        let samples = input
+            .drives
+            .iter()
+            .map(|drive| drive.scans.samples[scanner]);
+        let points = samples.flat_map(|sample| &sample.points);
+        let (count, sum) = points.fold((0.0, Vec3::zeros()), |(count, sum), point| {
+            (count + 1.0, sum + point.position_m)
+        });
+        sum / f64::max(count, 1.0)
+    };
+    (0..input.mountings.len()).map(of_scanner).collect()
 }

@@ -74,6 +74,19 @@ impl Mounted {
 }
 
 impl SurfaceCloud {
+    /// The mean of the points of each scanner, scanner frame, metres; zero for a scanner without any.
+    pub fn centres_m(&self) -> Vec<Vec3> {
+        let mut sums = vec![(0.0, Vec3::zeros()); self.scanners];
+        for point in &self.movable {
+            let (count, sum) = &mut sums[self.profile(point).scanner as usize];
+            *count += 1.0;
+            *sum += point.position_m;
+        }
+        sums.iter()
+            .map(|(count, sum)| sum / f64::max(*count, 1.0))
+            .collect()
+    }
+
     /// A cloud of reference points only.
     pub fn new(fixed: Vec<Vec3>) -> Self {
         Self {

@@ -3,9 +3,9 @@
 use super::case::{Case, Dense, residuals};
 use crate::calibration::Mounting;
 use crate::geometry::{EulerConvention, Vec3};
-use crate::joint::Rung;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
+use crate::joint::{JointInput, Rung};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -220,55 +220,68 @@ fn an_angle_that_is_held_meets_finite_differences_far_from_its_start() {
         let input = case.input();
         let (problem, mut state) = case.problem(&input);
         // As a step would move them if the angles were not held.
-        let turned = |state: &mut State, turn: Vec3, shift: Vec3| {
-            for mounting in &mut state.mountings {
-                let pose = &mut mounting.body_from_scanner;
-                *pose = pose.perturbed(&turn, &shift);
-            }
-        };
-        turned(
-            &mut state,
-            Vec3::new(0.03, -0.02, 0.04),
-            Vec3::new(0.01, 0.02, 0.03),
+        for mounting in &mut state.mountings {
+            turn(
+                mounting,
+                Vec3::new(0.03, -0.02, 0.04),
+                Vec3::new(0.01, 0.02, 0.03),
+            );
+        }
+        assert_held(&problem, &state, 1e8);
+    }
+}
+
+#[test]
+fn a_direction_that_is_held_meets_finite_differences_far_from_initial_values() {
+    let case = Case::plain();
+    let mut initial = case.mountings.clone();
+    for mounting in &mut initial {
+        turn(
+            mounting,
+            Vec3::new(0.06, -0.1, 0.08),
+            Vec3::new(0.05, 0.02, 0.0),
         );
-        let dense = Dense::new(&problem, &state);
-        let assumed = problem.groups.assumed;
-        let held = 1e8;
-        for unknown in 0..6 {
-            let at = |h: f64| {
-                let mut state = state.clone();
-                let mut step = [0.0; 6];
-                step[unknown] = h;
-                turned(
-                    &mut state,
-                    Vec3::from_column_slice(&step[..3]),
-                    Vec3::from_column_slice(&step[3..]),
-                );
-                residuals(&problem, &state)
-            };
-            let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-            for (row, _) in dense
-                .groups
-                .iter()
-                .enumerate()
-                .filter(|(_, g)| **g == assumed)
-            {
-                // Both scanners were moved at once.
-                let analytic: f64 = problem
-                    .layout
-                    .mountings
-                    .iter()
-                    .map(|&block| dense.jacobian[(row, problem.offset(block) + unknown)])
-                    .sum();
-                let error = (numeric[row] - analytic).abs();
-                // Angles are in degrees: rounding of 1e-14 over a step of 1e-5.
-                let wide = analytic.abs() <= 1.0 && numeric[row].abs() < 2.0;
-                let allowed = if wide { 0.1 } else { 1e-8 * held };
-                assert!(
-                    error < allowed,
-                    "{convention:?} {unknown} {row}: {error} {analytic}"
-                );
-            }
+    }
+    let input = JointInput {
+        initial: &initial,
+        ..case.input()
+    };
+    let (mut problem, state) = case.problem(&input);
+    let direction = DVector::from_fn(12, |i, _| 0.1 * (i as f64 + 1.0));
+    problem.held = Some(vec![direction]);
+    assert_held(&problem, &state, 1e4);
+}
+
+fn turn(mounting: &mut Mounting, turn: Vec3, shift: Vec3) {
+    let pose = &mut mounting.body_from_scanner;
+    *pose = pose.perturbed(&turn, &shift);
+}
+
+/// Moves all mountings at once, and compares the assumed rows, of which those of what is held have this weight.
+fn assert_held(problem: &JointProblem<'_>, state: &State, weight: f64) {
+    let dense = Dense::new(problem, state);
+    let rows = dense.groups.iter().enumerate();
+    let rows = rows.filter(|(_, group)| **group == problem.groups.assumed);
+    let rows: Vec<usize> = rows.map(|(row, _)| row).collect();
+    for unknown in 0..6 {
+        let at = |h: f64| {
+            let mut state = state.clone();
+            let mut step = [0.0; 6];
+            step[unknown] = h;
+            let [by, shift] = [0, 3].map(|first| Vec3::from_column_slice(&step[first..first + 3]));
+            state.mountings.iter_mut().for_each(|m| turn(m, by, shift));
+            residuals(problem, &state)
+        };
+        let numeric = (at(STEP) - at(-STEP)) / (2.0 * STEP);
+        for &row in &rows {
+            let blocks = problem.layout.mountings.iter();
+            let by = blocks.map(|&block| dense.jacobian[(row, problem.offset(block) + unknown)]);
+            let analytic: f64 = by.sum();
+            let error = (numeric[row] - analytic).abs();
+            // Angles are in degrees: rounding of 1e-14 over a step of 1e-5.
+            let wide = analytic.abs() <= 1.0 && numeric[row].abs() < 2.0;
+            let allowed = if wide { 0.1 } else { 1e-8 * weight };
+            assert!(error < allowed, "{unknown} {row}: {error} {analytic}");
         }
     }
 }

