@@ -75,12 +75,7 @@ pub fn align(
         neighbourhoods: 0,
         steps: 0,
     };
-    let mut best = Best {
-        mountings: Vec::new(),
-        misfit: f64::INFINITY,
-        last_step: DVector::zeros(6 * start.len()),
-        stale: 0,
-    };
+    let mut best = Best::new(start);
     while aligned.steps < MAX_STEPS {
         progress.check()?;
         progress.advance(1);
@@ -151,6 +146,15 @@ struct Best {
 }
 
 impl Best {
+    fn new(start: &[Mounting]) -> Self {
+        Self {
+            mountings: start.to_vec(),
+            misfit: f64::INFINITY,
+            last_step: DVector::zeros(6 * start.len()),
+            stale: 0,
+        }
+    }
+
     /// Takes mountings, before a step, that are better beyond chance; whether none have been for [`PATIENCE`] steps back.
     fn is_stale(
         &mut self,
@@ -383,6 +387,30 @@ mod tests {
         // The mean of eight that are three standard deviations of initial values off has the variance 9/8 of theirs.
         let expected_m = 0.1 / (1.0 + 9.0 / 8.0);
         assert!((shift_m(3.0 * INITIAL_SIGMA_M) - expected_m).abs() < 1e-12);
+    }
+
+    #[test]
+    fn steps_to_and_fro_end_and_steps_ahead_do_not() {
+        let at = |x_m: f64| {
+            let pose = BodyFromScanner::new(Rotation::identity(), Vec3::x() * x_m);
+            vec![Mounting::new("scanner", pose)]
+        };
+        let step = |x_m: f64| DVector::from_fn(6, |i, _| if i == 0 { x_m } else { 0.0 });
+        let mut best = Best::new(&at(0.0));
+        assert!((0..10).all(|i| !best.is_stale([1.0, 0.1], &at(f64::from(i)), &step(1.0))));
+        let mut best = Best::new(&at(0.0));
+        let steps = [
+            (0.0, 1.2),
+            (1.0, 1.0),
+            (0.0, 0.95),
+            (1.0, 0.95),
+            (0.0, 0.95),
+            (1.0, 0.95),
+        ];
+        let ends = steps
+            .map(|(x_m, misfit)| best.is_stale([misfit, 0.1], &at(x_m), &step(1.0 - 2.0 * x_m)));
+        assert_eq!(ends, [false, false, false, false, false, true]);
+        assert_eq!(best.mountings, at(1.0));
     }
 
     #[test]
