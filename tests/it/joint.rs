@@ -32,9 +32,10 @@ fn errors_match_their_sigmas_and_are_far_below_those_of_two_steps() {
     assert!(chi_square < 39.1, "{chi_square}");
     assert!(run.one_piece.poses_m < 0.0009 && run.one_piece.points_m < 0.0007);
     assert!(run.one_piece.points_m < 0.5 * run.two_steps.points_m);
-    // Rotation about y is the tilt of the fan, which the poses of two steps determine worst.
+    // Rotation about y is the tilt of the fan, which the poses of two steps determine worst. It is compared with the standard
+    // deviations, which do not depend on how lucky the joint adjustment of one drive is.
     let about_y = |errors: &DVector<f64>| errors[4].hypot(errors[10]);
-    assert!(about_y(&two_steps) > 3.0 * about_y(&joint));
+    assert!(about_y(&two_steps) > 3.0 * about_y(&run.sigmas()));
 }
 
 /// Smooth ground with a curvature of about 0.5 /m, and quiet scanners.
