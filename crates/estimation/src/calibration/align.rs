@@ -87,16 +87,17 @@ pub fn align(
         if patches.is_empty() {
             break;
         }
-        let costs = patches.iter().map(|patch| {
-            let [_, all] = patch.variances(&patch.offsets(&placed.world), problem.floor_m);
-            all.ln()
-        });
+        let variances = patches
+            .iter()
+            .map(|patch| patch.variances(&patch.offsets(&placed.world), problem.floor_m));
+        let variances: Vec<[f64; 2]> = variances.collect();
+        let costs = variances.iter().map(|[_, all]| all.ln());
         aligned.costs.push(mean(&costs.collect::<Vec<f64>>()));
         let blocks = normal_equations(&patches, cloud, &placed, problem.floor_m);
         let Some(step) = step(&blocks, initial, now) else {
             break;
         };
-        if best.is_stale(misfit(&patches, &placed, problem.floor_m), now, &step) {
+        if best.is_stale(misfit(&variances), now, &step) {
             break;
         }
         let stepped = |step: &DVector<f64>| stepped(now, step, &centres_m);
@@ -113,14 +114,12 @@ pub fn align(
     Ok(aligned)
 }
 
-/// The mean of √(1 + v_b / (v_w + s²)) over the patches, and its standard deviation by [`BLOCKS`] stretches of the scans.
-fn misfit(patches: &[Patch], placed: &Placed, floor_m: f64) -> [f64; 2] {
-    let blocks = patches.chunks(patches.len().div_ceil(BLOCKS).max(1));
+/// The mean of √(1 + v_b / (v_w + s²)) over patches with these [variances](Patch::variances), and its standard deviation by
+/// [`BLOCKS`] stretches of the scans.
+fn misfit(variances: &[[f64; 2]]) -> [f64; 2] {
+    let blocks = variances.chunks(variances.len().div_ceil(BLOCKS).max(1));
     let means = blocks.map(|block| {
-        let roots = block.iter().map(|patch| {
-            let [within, all] = patch.variances(&patch.offsets(&placed.world), floor_m);
-            (all / within).sqrt()
-        });
+        let roots = block.iter().map(|[within, all]| (all / within).sqrt());
         mean(&roots.collect::<Vec<f64>>())
     });
     let means: Vec<f64> = means.collect();

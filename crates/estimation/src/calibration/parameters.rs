@@ -223,7 +223,7 @@ mod tests {
         assert!((travelled - along).norm() < 1e-12);
         let plain = moved(&mountings, &step);
         assert_eq!(plain[0].body_from_scanner.rotation, after.rotation);
-        // Another point moves along its tangent up to second order.
+        // The plain perturbation carries the centre away from it.
         assert!(
             (plain[0].body_from_scanner.map(&centre_m) - before.map(&centre_m) - along).norm()
                 > 1e-3
