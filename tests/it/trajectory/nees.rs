@@ -2,13 +2,15 @@
 //! together with the correlations of their components.
 
 use crate::common::consistency::{EPOCHS, band, squares_at_epochs, twin};
+use boresight::geometry::Vec3;
 use boresight::simulation::{Drive, Scenario, Scene};
 
 const DRIVES: usize = 8;
 
-#[test]
-fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
+/// Means over drives whose scenario is changed, of position, tilt and yaw.
+fn mean_squares(change: impl Fn(&mut Scenario)) -> [f64; 3] {
     let mut scenario = Scenario::demo();
+    change(&mut scenario);
     let scene = Scene::new(&scenario);
     let paths: Vec<Drive> = (0..scenario.drives.len())
         .map(|index| Drive::new(&scenario, &scene, index, 0.0))
@@ -17,7 +19,13 @@ fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
     for seed in 0..DRIVES {
         let index = seed % paths.len();
         scenario.seed = 900 + seed as u64;
-        let (logs, truth) = twin(&scenario, &paths[index], index);
+        let (mut logs, truth) = twin(&scenario, &paths[index], index);
+        let prism = &mut logs.settings.positions[0];
+        prism.sigma_correlated_m = Vec3::repeat(scenario.prism.sigma_correlated_m);
+        prism.correlation_s = scenario.prism.correlation_s;
+        let heading = &mut logs.settings.heading;
+        heading.sigma_correlated_rad = scenario.heading.sigma_correlated_deg.to_radians();
+        heading.correlation_s = scenario.heading.correlation_s;
         let estimate = logs.estimate();
         for squares in squares_at_epochs(&estimate, &truth).expect("covariances") {
             for (mean, square) in means.iter_mut().zip(squares) {
@@ -25,6 +33,10 @@ fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
             }
         }
     }
+    means
+}
+
+fn assert_consistent(means: [f64; 3]) {
     for ((name, degrees), mean) in [("position", 3.0), ("tilt", 2.0), ("yaw", 1.0)]
         .iter()
         .zip(means)
@@ -36,4 +48,22 @@ fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
         println!("{name}: mean {mean:.3} of {degrees}, band {low:.2} to {high:.2}");
         assert!((low..=high).contains(&mean), "{name}: {mean}");
     }
+}
+
+#[test]
+fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
+    assert_consistent(mean_squares(|_| {}));
+}
+
+/// Without a model of errors that last, positions would be off by tens of their standard deviations.
+#[test]
+fn it_is_so_with_errors_of_positions_and_headings_that_last() {
+    assert_consistent(mean_squares(|scenario| {
+        let drives = scenario.drives.iter_mut();
+        drives.for_each(|drive| drive.passes.truncate(3));
+        scenario.prism.sigma_correlated_m = 0.02;
+        scenario.prism.correlation_s = 20.0;
+        scenario.heading.sigma_correlated_deg = 0.5;
+        scenario.heading.correlation_s = 20.0;
+    }));
 }

@@ -29,9 +29,8 @@ const MOUNTING_SIGMA: f64 = 1.0;
 /// is so long that derivatives no longer hold, and no step of usual damping would lower the cost.
 const START_SIGMA: [f64; 2] = [INITIAL_SIGMA_M, INITIAL_SIGMA_M / LEVER_M];
 /// Standard deviation of a direction that is held, because nothing determines it to [`INITIAL_SIGMA_M`], metres: small
-/// against that, and so large that a step, which follows a direction of rotations to first order only, does not raise the
-/// cost.
-const HELD_DIRECTION_SIGMA_M: f64 = 1e-4;
+/// against that, and so large that the second order of a step along it does not outweigh all other rows.
+const HELD_DIRECTION_SIGMA_M: f64 = 1e-5;
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
 

@@ -4,6 +4,7 @@ use super::clock;
 use super::constants::Constants;
 use super::graph::Graph;
 use super::initial::Initial;
+use super::lasting::Modes;
 use super::logs::{ClockCorrection, MotionLogs, Stream};
 use super::rest::{Rest, rests};
 use super::robust::{self, MAX_ITERATIONS};
@@ -146,6 +147,7 @@ pub fn adjust_once(
     let rests = rests(&streams, settings);
     let start = begin(&streams, &timeline, &rests, settings)?;
     let mut constants = Constants::new(settings, corrections);
+    add_lasting(&mut constants, settings, &streams);
     if let Some(before) = &carried.constants {
         constants.resume(before);
     }
@@ -195,6 +197,33 @@ pub fn adjust_once(
         ended,
         corrections: corrections.to_vec(),
     })
+}
+
+/// Adds the lasting errors that the settings state, as far as they stand out from the noise of the records.
+fn add_lasting(constants: &mut Constants, settings: &TrajectorySettings, streams: &Streams) {
+    let span_s = streams.span_s();
+    let modes = |correlation_s: f64, noise_share: f64, records: usize| {
+        let every_s = (span_s.1 - span_s.0) / records.max(1) as f64;
+        Modes::new(span_s, correlation_s, noise_share.powi(2) * every_s)
+    };
+    for (sensor, position) in settings.positions.iter().enumerate() {
+        let lasting_m = position.sigma_correlated_m;
+        if lasting_m.amax() > 0.0 {
+            let share = position.sigma_m.min() / lasting_m.amax();
+            let modes = modes(
+                position.correlation_s,
+                share,
+                streams.positions[sensor].len(),
+            );
+            constants.add_lasting_position(sensor, lasting_m, modes);
+        }
+    }
+    let heading = &settings.heading;
+    if heading.sigma_correlated_rad > 0.0 && !streams.heading.is_empty() {
+        let share = heading.sigma_rad / heading.sigma_correlated_rad;
+        let modes = modes(heading.correlation_s, share, streams.heading.len());
+        constants.add_lasting_heading(heading.sigma_correlated_rad, modes);
+    }
 }
 
 impl Adjusted {

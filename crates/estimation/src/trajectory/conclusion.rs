@@ -149,7 +149,10 @@ impl Adjusted {
     ) -> Vec<EstimatedConstant> {
         let covariance = self.factor.border_covariance();
         let corrections = self.state.constants.corrections();
-        let columns = self.state.constants.described.iter().enumerate();
+        let described = self.state.constants.described.iter();
+        let columns = described
+            .take(self.state.constants.before_lasting())
+            .enumerate();
         let mut constants: Vec<EstimatedConstant> = columns
             .map(|(i, column)| {
                 let sigma = covariance[(i, i)].sqrt();

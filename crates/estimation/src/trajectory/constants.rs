@@ -1,10 +1,13 @@
 //! Constants: held, or estimated along with the trajectory as unknowns of the border of the normal
 //! equations.
 
+use super::lasting::Modes;
 use super::logs::{ClockCorrection, Course, Stream, latency_of};
 use super::settings::{Constant, TrajectorySettings};
 use super::streams::Names;
-use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
+use std::collections::BTreeMap;
+
+use crate::adjustment::{BorderPrior, Columns, Parameter, Retract, Unknown};
 use crate::geometry::Vec3;
 use nalgebra::SVector;
 
@@ -67,6 +70,38 @@ pub struct OffsetFrom {
     pub offset_m: Parameter<Vec3>,
 }
 
+/// A lasting error: σ times a process by its modes.
+#[derive(Debug, Clone)]
+struct Lasting<T> {
+    sigma: T,
+    modes: Modes,
+    /// One for each mode: independent standard normal values.
+    amplitudes: Vec<Parameter<T>>,
+}
+
+impl<T: Unknown> Lasting<T> {
+    fn new(sigma: T, modes: Modes, zero: T, columns: &mut Columns) -> Self {
+        let mut amplitudes = vec![Parameter::held(zero); modes.count()];
+        let each = amplitudes.iter_mut();
+        each.for_each(|amplitude| amplitude.estimate(columns));
+        Self {
+            sigma,
+            modes,
+            amplitudes,
+        }
+    }
+
+    /// The amplitudes with the values of their modes at a time.
+    fn at(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<T>, f64)> {
+        self.amplitudes.iter().zip(self.modes.at(time_s))
+    }
+
+    fn resume(&mut self, before: &Self) {
+        let amplitudes = self.amplitudes.iter_mut().zip(&before.amplitudes);
+        amplitudes.for_each(|(amplitude, before)| amplitude.value = before.value.clone());
+    }
+}
+
 /// All constants.
 #[derive(Debug, Clone)]
 pub struct Constants {
@@ -77,6 +112,12 @@ pub struct Constants {
     pub positions: Vec<PositionConstants>,
     steps: Vec<OffsetFrom>,
     clocks: Vec<Clock>,
+    /// Lasting errors of position sensors (world, metres), by sensor.
+    lasting_m: BTreeMap<usize, Lasting<Vec3>>,
+    /// Lasting error of the heading, radians.
+    lasting_rad: Option<Lasting<f64>>,
+    /// Number of columns before those of the lasting errors, which are the last.
+    before_lasting: Option<usize>,
     columns: Columns,
     /// Describes each estimated column.
     pub described: Vec<Column>,
@@ -96,6 +137,9 @@ impl Constants {
             positions: positions.collect(),
             steps: Vec::new(),
             clocks: Vec::new(),
+            lasting_m: BTreeMap::new(),
+            lasting_rad: None,
+            before_lasting: None,
             columns: Columns::default(),
             described: Vec::new(),
         };
@@ -111,6 +155,65 @@ impl Constants {
             all.correct(clock, settings);
         }
         all
+    }
+
+    /// Adds the columns of the lasting error of a position sensor with these standard deviations (world, metres). Columns of
+    /// lasting errors come after all others.
+    pub fn add_lasting_position(&mut self, sensor: usize, sigma_m: Vec3, modes: Modes) {
+        self.before_lasting.get_or_insert(self.columns.count);
+        let axes = ["east", "north", "up"];
+        for (mode, axis) in (0..modes.count()).flat_map(|mode| axes.map(|axis| (mode, axis))) {
+            let name = format!("lasting error {mode} of positions {axis}");
+            self.describe(name, "", 0.0, 1.0);
+        }
+        let lasting = Lasting::new(sigma_m, modes, Vec3::zeros(), &mut self.columns);
+        self.lasting_m.insert(sensor, lasting);
+    }
+
+    /// The same for the heading, radians.
+    pub fn add_lasting_heading(&mut self, sigma_rad: f64, modes: Modes) {
+        self.before_lasting.get_or_insert(self.columns.count);
+        for mode in 0..modes.count() {
+            self.describe(format!("lasting error {mode} of headings"), "", 0.0, 1.0);
+        }
+        self.lasting_rad = Some(Lasting::new(sigma_rad, modes, 0.0, &mut self.columns));
+    }
+
+    /// The same without the lasting errors.
+    pub fn without_lasting(mut self) -> Self {
+        self.columns.count = self.before_lasting();
+        self.described.truncate(self.columns.count);
+        self.lasting_m.clear();
+        self.lasting_rad = None;
+        self.before_lasting = None;
+        self
+    }
+
+    /// Number of columns before those of the lasting errors.
+    pub fn before_lasting(&self) -> usize {
+        self.before_lasting.unwrap_or(self.columns.count)
+    }
+
+    /// The amplitudes of the lasting error of a position at a time, each with its derivatives by axis, metres.
+    pub fn lasting_position(
+        &self,
+        sensor: usize,
+        time_s: f64,
+    ) -> impl Iterator<Item = (&Parameter<Vec3>, Vec3)> {
+        let lasting = self.lasting_m.get(&sensor).into_iter();
+        lasting.flat_map(move |lasting| {
+            let at = lasting.at(time_s);
+            at.map(|(amplitude, value)| (amplitude, lasting.sigma * value))
+        })
+    }
+
+    /// The amplitudes of the lasting error of the heading at a time, each with its derivative, radians.
+    pub fn lasting_heading(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<f64>, f64)> {
+        let lasting = self.lasting_rad.iter();
+        lasting.flat_map(move |lasting| {
+            let at = lasting.at(time_s);
+            at.map(|(amplitude, value)| (amplitude, lasting.sigma * value))
+        })
     }
 
     /// Adds the column of a correction of a clock.
@@ -228,6 +331,13 @@ impl Constants {
         for (step, before) in self.steps.iter_mut().zip(&before.steps) {
             step.offset_m.value = before.offset_m.value;
         }
+        let positions = self.lasting_m.values_mut();
+        for (lasting, before) in positions.zip(before.lasting_m.values()) {
+            lasting.resume(before);
+        }
+        if let (Some(lasting), Some(before)) = (&mut self.lasting_rad, &before.lasting_rad) {
+            lasting.resume(before);
+        }
     }
 
     /// The offsets of a position.
@@ -275,11 +385,15 @@ impl Constants {
             .flat_map(|sensor| [&sensor.lever_arm_m as &dyn Retract, &sensor.incidence_m]);
         let steps = self.steps.iter().map(|step| &step.offset_m as &dyn Retract);
         let clocks = self.clocks.iter().map(|c| &c.late_s as &dyn Retract);
+        let lasting_m = self.lasting_m.values().flat_map(|l| &l.amplitudes);
+        let lasting_rad = self.lasting_rad.iter().flat_map(|l| &l.amplitudes);
         shared
             .into_iter()
             .chain(positions)
             .chain(steps)
             .chain(clocks)
+            .chain(lasting_m.map(|x| x as &dyn Retract))
+            .chain(lasting_rad.map(|x| x as &dyn Retract))
     }
 
     fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn Retract> {
@@ -294,11 +408,16 @@ impl Constants {
         let clocks = clocks.map(|c| &mut c.late_s as &mut dyn Retract);
         let steps = self.steps.iter_mut();
         let steps = steps.map(|step| &mut step.offset_m as &mut dyn Retract);
+        let lasting_m = self.lasting_m.values_mut().flat_map(|l| &mut l.amplitudes);
+        let lasting_rad = self.lasting_rad.iter_mut();
+        let lasting_rad = lasting_rad.flat_map(|l| &mut l.amplitudes);
         shared
             .into_iter()
             .chain(positions)
             .chain(steps)
             .chain(clocks)
+            .chain(lasting_m.map(|x| x as &mut dyn Retract))
+            .chain(lasting_rad.map(|x| x as &mut dyn Retract))
     }
 
     /// The constants after a step of all columns.

@@ -20,6 +20,7 @@ mod imu_noise;
 pub(crate) mod imu_series;
 pub(crate) mod initial;
 mod interpolate;
+mod lasting;
 mod logs;
 mod motion_sums;
 mod online;

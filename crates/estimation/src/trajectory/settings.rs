@@ -29,7 +29,8 @@ pub struct PositionSettings {
     /// Standard deviations of east, north, up where the log gives none, metres.
     pub sigma_m: Vec3,
     /// Standard deviations of the part of its errors that lasts, east, north, up, metres; 0 without
-    /// one. No mean over a pass removes it. The estimate of the trajectory alone leaves it out.
+    /// one. No mean over a pass removes it. Estimated with the trajectory of a whole drive, by its
+    /// largest modes; the estimate while driving leaves it out.
     pub sigma_correlated_m: Vec3,
     /// Correlation time of that part, seconds.
     pub correlation_s: f64,
@@ -71,7 +72,7 @@ pub struct HeadingSettings {
     /// Standard deviation of the pitch where the log gives none, radians.
     pub pitch_sigma_rad: f64,
     /// Standard deviation of the part of the heading's errors that lasts, radians; 0 without one.
-    /// The estimate of the trajectory alone leaves it out.
+    /// Estimated as that of positions.
     pub sigma_correlated_rad: f64,
     /// Correlation time of that part, seconds.
     pub correlation_s: f64,

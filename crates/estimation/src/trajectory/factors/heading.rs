@@ -8,9 +8,9 @@ use crate::sensor::ImuBias;
 use crate::trajectory::constants::{Constants, LateBy};
 use crate::trajectory::states::{ATTITUDE, GYRO, NodeState};
 
-/// What the antennas measure at a time: r = heading(R(t)) − z − o wrapped into (−π, π], and
+/// What the antennas measure at a time: r = heading(R(t)) − z − o − c(t) wrapped into (−π, π], and
 /// r = elevation(R(t) b) − z for the pitch, radians. o is an estimated correction of the mounting
-/// offset, b the direction of the baseline in the body.
+/// offset, c the lasting error, b the direction of the baseline in the body.
 #[derive(Debug, Clone)]
 pub struct HeadingFactor {
     pub propagation: Propagation,
@@ -75,7 +75,11 @@ impl HeadingFactor {
 
     fn residual_at(&self, constants: &Constants, at: &Propagated) -> f64 {
         let offset = match self.quantity {
-            Quantity::Heading => constants.heading_offset_rad.value,
+            Quantity::Heading => {
+                let lasting = constants.lasting_heading(self.time_s);
+                let lasting_rad = lasting.map(|(amplitude, by)| amplitude.value * by);
+                constants.heading_offset_rad.value + lasting_rad.sum::<f64>()
+            }
             Quantity::Pitch(_) => 0.0,
         };
         wrap(self.quantity.value_rad(&at.world_from_body.rotation) - self.value_rad - offset)
@@ -115,10 +119,15 @@ impl HeadingFactor {
                 rows.touch(block, [[by_time * late.share]]);
             }
         }
-        if let (Quantity::Heading, Some(block)) =
-            (self.quantity, constants.heading_offset_rad.block())
-        {
-            rows.touch(block, [[-weight]]);
+        if matches!(self.quantity, Quantity::Heading) {
+            if let Some(block) = constants.heading_offset_rad.block() {
+                rows.touch(block, [[-weight]]);
+            }
+            for (amplitude, by) in constants.lasting_heading(self.time_s) {
+                if let Some(block) = amplitude.block() {
+                    rows.touch(block, [[-weight * by]]);
+                }
+            }
         }
         rows
     }

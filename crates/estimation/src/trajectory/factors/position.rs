@@ -11,7 +11,8 @@ use crate::trajectory::states::NodeState;
 /// Periods of the incidence-dependent error of a 360° prism in a turn: one for each of its facets.
 const FACETS: f64 = 6.0;
 
-/// A fix of a prism or antenna: r = p(t) + R(t) l + e + s − z, metres in the world, with the steps s of earlier records.
+/// A fix of a prism or antenna: r = p(t) + R(t) l + e + s + c(t) − z, metres in the world, with the steps s of earlier
+/// records and the lasting error c.
 ///
 /// e is the error of a 360° prism that turns with the angle of incidence α of the line of sight in
 /// the body's horizontal plane: for each of the directions along and across the line of sight and
@@ -78,6 +79,9 @@ impl PositionFactor {
         for step in constants.steps_before(self.sensor, self.record) {
             residual += step.offset_m.value;
         }
+        for (amplitude, by) in constants.lasting_position(self.sensor, self.time_s) {
+            residual += amplitude.value.component_mul(&by);
+        }
         if sensor_constants.incidence_m.block().is_some() {
             let basis = sensor.incidence_basis(&prism, &at.world_from_body.rotation);
             let terms = basis.iter().zip(sensor_constants.incidence_m.value.iter());
@@ -141,6 +145,12 @@ impl PositionFactor {
         for step in constants.steps_before(self.sensor, self.record) {
             if let Some(block) = step.offset_m.block() {
                 rows.touch(block, [Vec3::x(), Vec3::y(), Vec3::z()].map(column));
+            }
+        }
+        for (amplitude, by) in constants.lasting_position(self.sensor, self.time_s) {
+            if let Some(block) = amplitude.block() {
+                let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
+                rows.touch(block, axes.map(|axis| column(axis.component_mul(&by))));
             }
         }
         if let Some(block) = sensor_constants.incidence_m.block() {

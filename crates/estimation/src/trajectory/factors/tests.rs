@@ -7,6 +7,7 @@ use crate::geometry::so3::exp;
 use crate::geometry::{BodyAxes, Mat3, Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, ImuSample};
 use crate::trajectory::constants::Constants;
+use crate::trajectory::lasting::Modes;
 use crate::trajectory::logs::{ClockCorrection, Course, Stream};
 use crate::trajectory::preintegration::Preintegrated;
 use crate::trajectory::settings::{
@@ -185,7 +186,9 @@ fn propagations() -> [Propagation; 2] {
 
 #[test]
 fn position_jacobians_meet_finite_differences() {
-    let constants = constants();
+    let mut constants = constants();
+    let modes = Modes::new((-5.0, 20.0), 20.0, 12.0);
+    constants.add_lasting_position(0, Vec3::new(0.02, 0.03, 0.04), modes);
     let sensor = PositionSensor {
         station_m: Some(Vec3::new(-10.0, 4.0, 1.0)),
         up: Vec3::z(),
@@ -202,7 +205,10 @@ fn position_jacobians_meet_finite_differences() {
             clocks: constants.clocks_of(Stream::Position(0), 0, 4.0),
         };
         let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
-        assert_eq!(touched(&rows), [11, 13, 0, 1, 2, 3, 4, 5, 6, 7, 8, 10]);
+        assert_eq!(
+            touched(&rows),
+            [11, 13, 0, 1, 2, 14, 15, 16, 3, 4, 5, 6, 7, 8, 10]
+        );
         check::<3>(&rows.by_step, |from, _, bias| {
             fix.whitened(&sensor, &constants, from, bias)
         });
@@ -214,11 +220,12 @@ fn position_jacobians_meet_finite_differences() {
 
 #[test]
 fn heading_and_pitch_jacobians_meet_finite_differences() {
-    let constants = constants();
+    let mut constants = constants();
+    constants.add_lasting_heading(0.03, Modes::new((-5.0, 20.0), 20.0, 12.0));
     let baseline = Vec3::new(0.8, 0.6, 0.0);
     for propagation in propagations() {
         for (quantity, columns) in [
-            (Quantity::Heading, vec![12, 9]),
+            (Quantity::Heading, vec![12, 9, 14]),
             (Quantity::Pitch(baseline), vec![12]),
         ] {
             let fix = HeadingFactor {

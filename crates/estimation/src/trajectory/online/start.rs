@@ -6,6 +6,7 @@ use super::running::Running;
 use super::smoother::Smoother;
 use super::update::Update;
 use crate::error::{Error, Problem, Result};
+use crate::geometry::Vec3;
 use crate::progress::Silent;
 use crate::sensor::{ImuSample, Timed};
 use crate::trajectory::batch::{Adjusted, Carried, adjust_once};
@@ -109,7 +110,20 @@ fn adjusted(
     settings: &TrajectorySettings,
     options: OnlineOptions,
 ) -> Result<(Running, Update)> {
-    let adjusted = adjust_once(&initial, logs, settings, &[], &Carried::default(), &Silent)?;
+    // The modes of a lasting error need the span of the whole drive.
+    let mut without_lasting = settings.clone();
+    for position in &mut without_lasting.positions {
+        position.sigma_correlated_m = Vec3::zeros();
+    }
+    without_lasting.heading.sigma_correlated_rad = 0.0;
+    let adjusted = adjust_once(
+        &initial,
+        logs,
+        &without_lasting,
+        &[],
+        &Carried::default(),
+        &Silent,
+    )?;
     if !adjusted.ended.stop.is_converged() {
         return Err(Error::of(
             Problem::TooFew,

@@ -53,7 +53,7 @@ pub struct ChainMotion {
 
 impl ChainMotion {
     /// The chain of an estimate, with the correlated errors of its position sensors and of the
-    /// heading.
+    /// heading. They begin with the lasting errors of the estimate, which they replace.
     pub fn new(
         posterior: &PosteriorCovariance,
         names: Vec<String>,
@@ -62,17 +62,34 @@ impl ChainMotion {
         let (graph, state, imu) = posterior.parts();
         let node_s = &graph.timeline.node_s;
         let span_s = (node_s[0], node_s[node_s.len() - 1]);
-        let process = |error: &CorrelatedError| {
-            GaussMarkov::new(span_s, error.sigma.clone(), error.correlation_s)
+        let process = |(sensor, error): (usize, &Option<CorrelatedError>)| {
+            let error = error.as_ref()?;
+            let mut process = GaussMarkov::new(span_s, error.sigma.clone(), error.correlation_s);
+            let values = process.value.chunks_exact_mut(process.sigma.len());
+            for (value, time_s) in values.zip(&process.knot_s) {
+                let constants = &state.constants;
+                let position = constants.lasting_position(sensor, *time_s);
+                let position = position.map(|(amplitude, by)| amplitude.value.component_mul(&by));
+                let heading = constants.lasting_heading(*time_s);
+                let heading = heading.map(|(amplitude, by)| amplitude.value * by);
+                match value {
+                    [heading_rad] => *heading_rad = heading.sum(),
+                    position_m => position_m.copy_from_slice(position.sum::<Vec3>().as_slice()),
+                }
+            }
+            Some(process)
         };
         Self {
             bridges: vec![Vec3::zeros(); graph.timeline.steps()],
             poses: Self::no_poses(graph.timeline.steps()),
             graph: Arc::new(graph.clone()),
             imu: Arc::new(imu.clone()),
-            state: state.clone(),
+            state: State {
+                constants: state.constants.clone().without_lasting(),
+                ..state.clone()
+            },
             names: Arc::new(names),
-            correlated: correlated.iter().map(|e| e.as_ref().map(process)).collect(),
+            correlated: correlated.iter().enumerate().map(process).collect(),
         }
     }
 
