@@ -29,6 +29,11 @@ pub fn settings_of(scenario: &Scenario) -> TrajectorySettings {
         HeadingSettings::aligned(scenario.heading.sigma_deg.to_radians()),
     );
     settings.gravity_m_s2 = scenario.gravity_m_s2;
+    let prism = &mut settings.positions[0];
+    prism.sigma_correlated_m = Vec3::repeat(scenario.prism.sigma_correlated_m);
+    prism.correlation_s = scenario.prism.correlation_s;
+    settings.heading.sigma_correlated_rad = scenario.heading.sigma_correlated_deg.to_radians();
+    settings.heading.correlation_s = scenario.heading.correlation_s;
     settings
 }
 

@@ -2,7 +2,6 @@
 //! together with the correlations of their components.
 
 use crate::common::consistency::{EPOCHS, band, squares_at_epochs, twin};
-use boresight::geometry::Vec3;
 use boresight::simulation::{Drive, Scenario, Scene};
 
 const DRIVES: usize = 8;
@@ -19,13 +18,7 @@ fn mean_squares(change: impl Fn(&mut Scenario)) -> [f64; 3] {
     for seed in 0..DRIVES {
         let index = seed % paths.len();
         scenario.seed = 900 + seed as u64;
-        let (mut logs, truth) = twin(&scenario, &paths[index], index);
-        let prism = &mut logs.settings.positions[0];
-        prism.sigma_correlated_m = Vec3::repeat(scenario.prism.sigma_correlated_m);
-        prism.correlation_s = scenario.prism.correlation_s;
-        let heading = &mut logs.settings.heading;
-        heading.sigma_correlated_rad = scenario.heading.sigma_correlated_deg.to_radians();
-        heading.correlation_s = scenario.heading.correlation_s;
+        let (logs, truth) = twin(&scenario, &paths[index], index);
         let estimate = logs.estimate();
         for squares in squares_at_epochs(&estimate, &truth).expect("covariances") {
             for (mean, square) in means.iter_mut().zip(squares) {
