@@ -154,7 +154,7 @@ fn mistakes_in_constants_are_named() {
 }
 
 fn assert_named(mistakes: &[&Mistake]) {
-    let clean = drive(81, |scenario| scenario.drives[0].passes.truncate(6));
+    let clean = drive(81, |scenario| scenario.drives[0].passes.truncate(4));
     let mut failed = Vec::new();
     for &&(what, make, expected, likely) in mistakes {
         let mut logs = clean.clone();
