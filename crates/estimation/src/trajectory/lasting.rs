@@ -2,9 +2,9 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Most modes: each is three columns of the border, and the time of an adjustment grows with their square. On drives of
-/// 4 min with errors that last for 20 s, 32 state a tilt that is half as far off again as it is, 64 a tilt that is right to
-/// a fifth, at twice the time.
+/// Most modes: those of positions are three columns each, and the time of an adjustment grows with their square. On drives
+/// of 4 min with errors of positions and headings that last for 20 s, tilt and yaw are off by 1.4 and 2.3 times what is
+/// stated (2.0 and 5.8 times without any), positions by 0.9 times (20 times).
 const MAX_MODES: usize = 48;
 /// Halvings of the interval of a root, down to rounding errors.
 const HALVINGS: usize = 60;
