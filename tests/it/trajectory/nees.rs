@@ -50,7 +50,7 @@ fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
 
 /// Without a model of errors that last, positions would be off by tens of their standard deviations.
 #[test]
-fn it_is_so_with_errors_of_positions_and_headings_that_last() {
+fn covariances_hold_stated_errors_of_positions_and_headings_that_last() {
     assert_consistent(mean_squares(|scenario| {
         let drives = scenario.drives.iter_mut();
         drives.for_each(|drive| drive.passes.truncate(3));

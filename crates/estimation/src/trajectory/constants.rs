@@ -1,13 +1,13 @@
 //! Constants: held, or estimated along with the trajectory as unknowns of the border of the normal
 //! equations.
 
-use super::lasting::Modes;
+use std::collections::BTreeMap;
+
+use super::lasting::{Lasting, Modes};
 use super::logs::{ClockCorrection, Course, Stream, latency_of};
 use super::settings::{Constant, TrajectorySettings};
 use super::streams::Names;
-use std::collections::BTreeMap;
-
-use crate::adjustment::{BorderPrior, Columns, Parameter, Retract, Unknown};
+use crate::adjustment::{BorderPrior, Columns, Parameter, Retract};
 use crate::geometry::Vec3;
 use nalgebra::SVector;
 
@@ -70,38 +70,6 @@ pub struct OffsetFrom {
     pub offset_m: Parameter<Vec3>,
 }
 
-/// A lasting error: σ times a process by its modes.
-#[derive(Debug, Clone)]
-struct Lasting<T> {
-    sigma: T,
-    modes: Modes,
-    /// One for each mode: independent standard normal values.
-    amplitudes: Vec<Parameter<T>>,
-}
-
-impl<T: Unknown> Lasting<T> {
-    fn new(sigma: T, modes: Modes, zero: T, columns: &mut Columns) -> Self {
-        let mut amplitudes = vec![Parameter::held(zero); modes.count()];
-        let each = amplitudes.iter_mut();
-        each.for_each(|amplitude| amplitude.estimate(columns));
-        Self {
-            sigma,
-            modes,
-            amplitudes,
-        }
-    }
-
-    /// The amplitudes with the values of their modes at a time.
-    fn at(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<T>, f64)> {
-        self.amplitudes.iter().zip(self.modes.at(time_s))
-    }
-
-    fn resume(&mut self, before: &Self) {
-        let amplitudes = self.amplitudes.iter_mut().zip(&before.amplitudes);
-        amplitudes.for_each(|(amplitude, before)| amplitude.value = before.value.clone());
-    }
-}
-
 /// All constants.
 #[derive(Debug, Clone)]
 pub struct Constants {
@@ -116,7 +84,7 @@ pub struct Constants {
     lasting_m: BTreeMap<usize, Lasting<Vec3>>,
     /// Lasting error of the heading, radians.
     lasting_rad: Option<Lasting<f64>>,
-    /// Number of columns before those of the lasting errors, which are the last.
+    /// Number of columns before those of the lasting errors, which come after those of the settings.
     before_lasting: Option<usize>,
     columns: Columns,
     /// Describes each estimated column.
@@ -157,8 +125,8 @@ impl Constants {
         all
     }
 
-    /// Adds the columns of the lasting error of a position sensor with these standard deviations (world, metres). Columns of
-    /// lasting errors come after all others.
+    /// Adds the columns of the lasting error of a position sensor with these standard deviations (world, metres),
+    /// after those of the settings.
     pub fn add_lasting_position(&mut self, sensor: usize, sigma_m: Vec3, modes: Modes) {
         self.before_lasting.get_or_insert(self.columns.count);
         let axes = ["east", "north", "up"];
@@ -201,19 +169,25 @@ impl Constants {
         time_s: f64,
     ) -> impl Iterator<Item = (&Parameter<Vec3>, Vec3)> {
         let lasting = self.lasting_m.get(&sensor).into_iter();
-        lasting.flat_map(move |lasting| {
-            let at = lasting.at(time_s);
-            at.map(|(amplitude, value)| (amplitude, lasting.sigma * value))
-        })
+        lasting.flat_map(move |lasting| lasting.at(time_s))
+    }
+
+    /// The lasting error of a position at a time, metres.
+    pub fn lasting_m(&self, sensor: usize, time_s: f64) -> Vec3 {
+        let amplitudes = self.lasting_position(sensor, time_s);
+        amplitudes.map(|(x, by)| x.value.component_mul(&by)).sum()
     }
 
     /// The amplitudes of the lasting error of the heading at a time, each with its derivative, radians.
     pub fn lasting_heading(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<f64>, f64)> {
         let lasting = self.lasting_rad.iter();
-        lasting.flat_map(move |lasting| {
-            let at = lasting.at(time_s);
-            at.map(|(amplitude, value)| (amplitude, lasting.sigma * value))
-        })
+        lasting.flat_map(move |lasting| lasting.at(time_s))
+    }
+
+    /// The lasting error of the heading at a time, radians.
+    pub fn lasting_rad(&self, time_s: f64) -> f64 {
+        let amplitudes = self.lasting_heading(time_s);
+        amplitudes.map(|(x, by)| x.value * by).sum()
     }
 
     /// Adds the column of a correction of a clock.

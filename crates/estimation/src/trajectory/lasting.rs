@@ -1,6 +1,9 @@
 //! Errors of positions and headings that last: a Gauss-Markov process by its largest modes.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
+use std::ops::Mul;
+
+use crate::adjustment::{Columns, Parameter, Unknown};
 
 /// Most modes: those of positions are three columns each, and the time of an adjustment grows with their square. On drives
 /// of 4 min with errors of positions and headings that last for 20 s, tilt and yaw are off by 1.4 and 2.3 times what is
@@ -9,11 +12,12 @@ const MAX_MODES: usize = 48;
 /// Halvings of the interval of a root, down to rounding errors.
 const HALVINGS: usize = 60;
 
-/// The largest modes of a process with E x(t) x(t + Δ) = e^(−|Δ|/τ) over a span of 2a (Karhunen-Loève): with
-/// independent standard normal ξ, x(t) = Σ ξ_k s_k cos(ω_k t) for even k and sin for odd ones, t from the middle
-/// of the span, where (Ghanem and Spanos 1991, section 2.3.3)
+/// The largest modes of a process with E x(t) x(t + Δ) = e^(−|Δ|/τ) over a span of 2a (Karhunen-Loève; Ghanem and Spanos
+/// 1991, section 2.3.3): with independent standard normal ξ and t from the middle of the span,
 ///
-/// ω tan(ω a) = 1/τ for cos, tan(ω a) = −ω τ for sin, s² = 2τ/(1 + ω² τ²) / (a ± sin(2 ω a)/(2 ω)).
+/// x(t) = Σ ξ_n s_n cos(ω_n t − n π/2), s² = 2τ sin² y / (a + sin(2 y)/(2 ω)),
+///
+/// where ω a = n π/2 + y with y from 0 to π/2, and ω a tan y = a/τ: sin² y is 1/(1 + ω² τ²).
 #[derive(Debug, Clone)]
 pub struct Modes {
     middle_s: f64,
@@ -24,7 +28,7 @@ pub struct Modes {
 struct Mode {
     /// ω.
     rate_rad_s: f64,
-    /// π/2 makes a sine of the cosine.
+    /// n π/2.
     phase_rad: f64,
     /// s.
     amplitude: f64,
@@ -32,7 +36,7 @@ struct Mode {
 
 impl Modes {
     /// The modes over a span for a correlation time that stand out from white noise, whose variance at fixes every second
-    /// is `white_s` times that of the process: the variance 2τ/(1 + ω² τ²) of a mode is larger.
+    /// is `white_s` times that of the process: the variance 2τ sin² y of a mode is larger.
     pub fn new((from_s, to_s): (f64, f64), correlation_s: f64, white_s: f64) -> Self {
         let half_s = 0.5 * (to_s - from_s);
         let modes = (0..MAX_MODES).map(|index| mode(index, half_s, correlation_s));
@@ -58,44 +62,69 @@ impl Modes {
     }
 }
 
-/// A mode, counted from 0, and its variance 2τ/(1 + ω² τ²), seconds.
-fn mode(index: usize, half_s: f64, correlation_s: f64) -> (Mode, f64) {
-    // The angle ω a at which sin or cos of the mode turns from one sign of its condition to the other.
-    let is_even = index.is_multiple_of(2);
-    let mut low = index as f64 * FRAC_PI_2;
-    let mut high = low + FRAC_PI_2;
-    let ratio = half_s / correlation_s;
+/// The mode n, and its variance 2τ sin² y, seconds.
+fn mode(n: usize, half_s: f64, correlation_s: f64) -> (Mode, f64) {
+    let phase_rad = n as f64 * FRAC_PI_2;
+    let (mut low, mut high) = (0.0, FRAC_PI_2);
     for _ in 0..HALVINGS {
-        let angle = 0.5 * (low + high);
-        let (sin, cos) = (angle % (2.0 * PI)).sin_cos();
-        // Both conditions times cos: the sign at the beginning of the interval is that of the other side of zero.
-        let (condition, at_begin) = if is_even {
-            (angle * sin - ratio * cos, -cos)
+        let y = 0.5 * (low + high);
+        if (phase_rad + y) * y.sin() < half_s / correlation_s * y.cos() {
+            low = y;
         } else {
-            (ratio * sin + angle * cos, sin)
-        };
-        if condition * at_begin > 0.0 {
-            low = angle;
-        } else {
-            high = angle;
+            high = y;
         }
     }
-    let rate_rad_s = 0.5 * (low + high) / half_s;
-    let turned = rate_rad_s * correlation_s;
-    let variance = 2.0 * correlation_s / (1.0 + turned * turned);
-    let sign = if is_even { 1.0 } else { -1.0 };
-    let norm_s = half_s + sign * (2.0 * rate_rad_s * half_s).sin() / (2.0 * rate_rad_s);
+    let rate_rad_s = (phase_rad + low) / half_s;
+    let variance_s = 2.0 * correlation_s * low.sin().powi(2);
+    let norm_s = half_s + (2.0 * low).sin() / (2.0 * rate_rad_s);
     let mode = Mode {
         rate_rad_s,
-        phase_rad: if is_even { 0.0 } else { FRAC_PI_2 },
-        amplitude: (variance / norm_s).sqrt(),
+        phase_rad,
+        amplitude: (variance_s / norm_s).sqrt(),
     };
-    (mode, variance)
+    (mode, variance_s)
+}
+
+/// A lasting error: σ times a process by its modes.
+#[derive(Debug, Clone)]
+pub struct Lasting<T> {
+    sigma: T,
+    modes: Modes,
+    /// One for each mode: independent standard normal values.
+    pub amplitudes: Vec<Parameter<T>>,
+}
+
+impl<T: Unknown + Mul<f64, Output = T>> Lasting<T> {
+    /// An error of `zero`, with columns of its own.
+    pub fn new(sigma: T, modes: Modes, zero: T, columns: &mut Columns) -> Self {
+        let mut amplitudes = vec![Parameter::held(zero); modes.count()];
+        let each = amplitudes.iter_mut();
+        each.for_each(|amplitude| amplitude.estimate(columns));
+        Self {
+            sigma,
+            modes,
+            amplitudes,
+        }
+    }
+
+    /// The amplitudes at a time, each with what its component of 1 adds to that of the error.
+    pub fn at(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<T>, T)> {
+        let values = self.modes.at(time_s);
+        let by = values.map(|value| self.sigma.clone() * value);
+        self.amplitudes.iter().zip(by)
+    }
+
+    /// Takes over the amplitudes of an earlier adjustment.
+    pub fn resume(&mut self, before: &Self) {
+        let amplitudes = self.amplitudes.iter_mut().zip(&before.amplitudes);
+        amplitudes.for_each(|(amplitude, before)| amplitude.value = before.value.clone());
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     #[test]
     fn modes_together_have_the_covariance_of_the_process() {

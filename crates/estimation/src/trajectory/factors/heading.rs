@@ -76,9 +76,7 @@ impl HeadingFactor {
     fn residual_at(&self, constants: &Constants, at: &Propagated) -> f64 {
         let offset = match self.quantity {
             Quantity::Heading => {
-                let lasting = constants.lasting_heading(self.time_s);
-                let lasting_rad = lasting.map(|(amplitude, by)| amplitude.value * by);
-                constants.heading_offset_rad.value + lasting_rad.sum::<f64>()
+                constants.heading_offset_rad.value + constants.lasting_rad(self.time_s)
             }
             Quantity::Pitch(_) => 0.0,
         };

@@ -79,9 +79,7 @@ impl PositionFactor {
         for step in constants.steps_before(self.sensor, self.record) {
             residual += step.offset_m.value;
         }
-        for (amplitude, by) in constants.lasting_position(self.sensor, self.time_s) {
-            residual += amplitude.value.component_mul(&by);
-        }
+        residual += constants.lasting_m(self.sensor, self.time_s);
         if sensor_constants.incidence_m.block().is_some() {
             let basis = sensor.incidence_basis(&prism, &at.world_from_body.rotation);
             let terms = basis.iter().zip(sensor_constants.incidence_m.value.iter());

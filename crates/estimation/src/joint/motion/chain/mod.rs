@@ -67,18 +67,16 @@ impl ChainMotion {
             let mut process = GaussMarkov::new(span_s, error.sigma.clone(), error.correlation_s);
             let values = process.value.chunks_exact_mut(process.sigma.len());
             for (value, time_s) in values.zip(&process.knot_s) {
-                let constants = &state.constants;
-                let position = constants.lasting_position(sensor, *time_s);
-                let position = position.map(|(amplitude, by)| amplitude.value.component_mul(&by));
-                let heading = constants.lasting_heading(*time_s);
-                let heading = heading.map(|(amplitude, by)| amplitude.value * by);
-                match value {
-                    [heading_rad] => *heading_rad = heading.sum(),
-                    position_m => position_m.copy_from_slice(position.sum::<Vec3>().as_slice()),
+                if sensor < names.len() {
+                    let error_m = state.constants.lasting_m(sensor, *time_s);
+                    value.copy_from_slice(error_m.as_slice());
+                } else {
+                    value[0] = state.constants.lasting_rad(*time_s);
                 }
             }
             Some(process)
         };
+        let correlated = correlated.iter().enumerate().map(process).collect();
         Self {
             bridges: vec![Vec3::zeros(); graph.timeline.steps()],
             poses: Self::no_poses(graph.timeline.steps()),
@@ -89,7 +87,7 @@ impl ChainMotion {
                 ..state.clone()
             },
             names: Arc::new(names),
-            correlated: correlated.iter().enumerate().map(process).collect(),
+            correlated,
         }
     }
 
