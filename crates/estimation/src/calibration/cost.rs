@@ -33,6 +33,8 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
+use crate::cloud::StructureTensor;
+use crate::geometry::Vec3;
 use crate::surface::{Plane, Row, Surface};
 
 /// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not
@@ -105,17 +107,70 @@ pub fn cost(planes: &[Plane], floor_m: f64) -> f64 {
 
 /// Gradient and normal matrix of the cost.
 pub fn normal_equations(surface: &Surface, floor_m: f64) -> NormalEquations {
+    summed(surface, |sums, index| {
+        let plane = &surface.planes[index];
+        let members = surface.neighbourhoods.members(index).len();
+        let weight = weight(plane, floor_m, members);
+        sums.add(surface, index, &plane.normal, weight);
+    })
+}
+
+/// What noise of normals adds to the normal matrix on average.
+///
+/// Noise of the points turns the normal of a plane through k of them by about σ/√(k λᵢ) along its tangents eᵢ,
+/// with σ² = λ₃ k/(k − 3). Along a direction in which points slide over a plane, only this turn makes a_j
+/// differ between scanners and passes: H then holds the squares of noise, which say nothing about the
+/// mountings (errors in variables). By the linearity of a in the normal their expectation is H with eᵢ in
+/// place of n, times σ²/(k λᵢ).
+pub fn noise_of_normals(surface: &Surface, floor_m: f64) -> DMatrix<f64> {
+    let noise = summed(surface, |sums, index| {
+        let plane = &surface.planes[index];
+        let members = surface.neighbourhoods.members(index);
+        let eigen = StructureTensor::of(&surface.placed.world, members).eigen();
+        let share = plane.variance_m2 / (members.len() as f64 - 3.0).max(1.0);
+        for i in 0..2 {
+            // Points along a line have no plane.
+            if eigen.values[i] > plane.variance_m2 {
+                let tangent = eigen.vectors.column(i).into();
+                let weight = weight(plane, floor_m, members.len()) * share / eigen.values[i];
+                sums.add(surface, index, &tangent, weight);
+            }
+        }
+    });
+    noise.matrix
+}
+
+/// Sums over all neighbourhoods.
+fn summed(surface: &Surface, add: impl Fn(&mut Sums, usize) + Sync) -> NormalEquations {
     let partial: Vec<NormalEquations> = (0..surface.planes.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let mut sums = Sums::new(surface.cloud.scanners);
-            for index in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.planes.len()) {
-                sums.add(surface, floor_m, index);
-            }
+            let end = ((chunk + 1) * CHUNK).min(surface.planes.len());
+            (chunk * CHUNK..end).for_each(|index| add(&mut sums, index));
             sums.finish()
         })
         .collect();
     NormalEquations::sum(6 * surface.cloud.scanners, &partial)
+}
+
+/// Adds the gradient of the cost of one neighbourhood.
+pub fn add_gradient(surface: &Surface, floor_m: f64, index: usize, gradient: &mut DVector<f64>) {
+    let plane = &surface.planes[index];
+    let members = surface.neighbourhoods.members(index);
+    let weight = weight(plane, floor_m, members.len());
+    for &member in members {
+        let member = member as usize;
+        let Some(point) = surface.cloud.movable.get(member) else {
+            continue;
+        };
+        let scanner = surface.cloud.profile(point).scanner as usize;
+        let residual = plane
+            .normal
+            .dot(&(surface.placed.world[member] - plane.mean_m));
+        let mut rows = gradient.fixed_rows_mut::<6>(6 * scanner);
+        rows += derivative(&surface.mounting_row(member, &plane.normal)) * (weight * residual);
+    }
 }
 
 /// Sums over the neighbourhoods of one task.
@@ -136,11 +191,11 @@ impl Sums {
         }
     }
 
-    fn add(&mut self, surface: &Surface, floor_m: f64, index: usize) {
+    /// Adds a neighbourhood with distances along `axis`.
+    fn add(&mut self, surface: &Surface, index: usize, axis: &Vec3, weight: f64) {
         let Surface { cloud, placed, .. } = surface;
-        let plane = &surface.planes[index];
+        let mean_m = surface.planes[index].mean_m;
         let members = surface.neighbourhoods.members(index);
-        let weight = weight(plane, floor_m, members.len());
         self.derivative.fill(Vector6::zeros());
         for &member in members {
             let member = member as usize;
@@ -148,7 +203,7 @@ impl Sums {
                 continue;
             };
             let scanner = cloud.profile(point).scanner as usize;
-            let derivative = derivative(&surface.mounting_row(member, &plane.normal));
+            let derivative = derivative(&surface.mounting_row(member, axis));
             let weighted = derivative * weight;
             let block = &mut self.diagonal_blocks[scanner];
             for column in 0..6 {
@@ -156,7 +211,7 @@ impl Sums {
                     block[(row, column)] += weighted[row] * derivative[column];
                 }
             }
-            let residual = plane.normal.dot(&(placed.world[member] - plane.mean_m));
+            let residual = axis.dot(&(placed.world[member] - mean_m));
             self.gradient[scanner] += weighted * residual;
             self.derivative[scanner] += derivative;
         }
@@ -195,7 +250,7 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::calibration::parameters::{moved, poses};
-    use crate::calibration::small_case::{FLOOR_M, case, surface};
+    use crate::calibration::small_case::{FLOOR_M, case, ground, surface};
     use crate::cloud::StructureTensor;
     use crate::geometry::so3;
 
@@ -220,6 +275,23 @@ mod tests {
                 "parameter {parameter}: {error:e} of {scale:e}"
             );
         }
+    }
+
+    /// On a plane, points slide without a change of thickness: along its tangents, the normal matrix holds noise only.
+    #[test]
+    fn on_flat_ground_the_information_on_slides_is_that_of_noise() {
+        let (cloud, mountings) = ground(0.0);
+        let surface = surface(cloud, &mountings, 1);
+        let all = normal_equations(&surface, FLOOR_M).matrix;
+        let noise = noise_of_normals(&surface, FLOOR_M);
+        for slide in [0, 1, 6, 7] {
+            let share = noise[(slide, slide)] / all[(slide, slide)];
+            println!("{share:.3}");
+            // 200 separate neighbourhoods, of which the squares of the slopes scatter by √(2/200).
+            assert!((share - 1.0).abs() < 0.3, "{slide}: {share}");
+        }
+        // Heights are what the planes do show.
+        assert!(noise[(2, 2)] < 0.05 * all[(2, 2)]);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Test whether the minimum is the only one within reach: the mountings are moved away several times, by as much
 //! as the coarsest scale can correct and rough initial values are wrong, and must come back.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::align::align;
@@ -29,6 +29,16 @@ const AS_LOW: f64 = 0.02;
 /// Largest ratio of the numbers of voxels that the clouds occupy at the two minima: clouds that have separated
 /// are sharp too, but occupy more.
 const AS_SMALL: f64 = 1.02;
+
+/// Standard deviations of each parameter within which mountings are not another minimum.
+const SAME_SIGMAS: f64 = 3.0;
+
+/// Whether a change (δp, δφ) of mountings is within what their covariance allows.
+pub fn is_within(change: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
+    let variances = covariance.diagonal();
+    let mut pairs = change.iter().zip(variances.iter());
+    pairs.all(|(change, variance)| change.abs() <= SAME_SIGMAS * variance.sqrt())
+}
 
 /// Result of moving the mountings away from the minimum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -137,12 +147,11 @@ fn is_possible(initial: &[Mounting], state: &State) -> bool {
 
 /// Whether a state fits as well as another, and takes up as little space.
 fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
-    let mean_cost = |state: &State| state.cost / state.surface.planes.len() as f64;
     let space = |state: &State| {
         let points = state.surface.placed.world.iter().copied();
         occupied(points, voxel_m).len() as f64
     };
-    mean_cost(state) < mean_cost(nearest) + AS_LOW && space(state) < AS_SMALL * space(nearest)
+    state.mean_cost() < nearest.mean_cost() + AS_LOW && space(state) < AS_SMALL * space(nearest)
 }
 
 #[cfg(test)]
@@ -172,6 +181,13 @@ mod tests {
         };
         let is_elsewhere = minimum.ends_elsewhere(&mountings, &solution, &end, problem.voxel_m);
         (is_elsewhere, minimum.back)
+    }
+
+    #[test]
+    fn what_standard_deviations_allow_is_not_another_minimum() {
+        let covariance = DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 0.0]));
+        let within = |change: [f64; 2]| is_within(&DVector::from_row_slice(&change), &covariance);
+        assert!(within([-5.9, 0.0]) && !within([6.1, 0.0]) && !within([0.0, 0.1]));
     }
 
     #[test]

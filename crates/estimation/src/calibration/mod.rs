@@ -16,6 +16,7 @@ pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
 mod patch;
+mod places;
 mod relative;
 mod result;
 mod sample;
@@ -136,6 +137,12 @@ pub fn calibrate(
     drop(stage);
     // The covariance takes about as long as the search for other minima.
     let _stage = progress.stage("uncertainty", 2 * Minimum::STEPS);
+    let is_reached = scales
+        .last()
+        .is_some_and(|scale| scale.ending.is_converged() && !scale.ending.is_kept());
+    let has_covariance = settings.method != Method::Paper && is_reached;
+    let covariance = has_covariance.then(|| uncertainty::covariance(input, &solved));
+    let covariance = covariance.flatten();
     let minimum = match settings.method {
         Method::Paper => None,
         Method::TwoStep | Method::Joint => {
@@ -144,24 +151,24 @@ pub fn calibrate(
                     for other in others {
                         follow(input, &mut minimum, other, &solved, settings, progress)?;
                     }
+                    if let Some(covariance) = &covariance {
+                        minimum.alternative = minimum.alternative.filter(|other| {
+                            let change = change(&solved.state.mountings, other);
+                            !minimum::is_within(&change, covariance)
+                        });
+                    }
                     Some(minimum)
                 }
                 None => None,
             }
         }
     };
-    // Standard deviations belong to a minimum that was reached and is not one of several; the paper's method has none.
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
-    let is_reached = scales
-        .last()
-        .is_some_and(|scale| scale.ending.is_converged() && !scale.ending.is_kept());
-    let has_covariance = settings.method != Method::Paper && is_reached && !is_doubtful;
     Ok(Calibration {
         method: settings.method,
         converged: is_reached && scales.iter().all(|scale| scale.ending.is_converged()),
-        covariance: has_covariance
-            .then(|| uncertainty::covariance(input, &solved))
-            .flatten(),
+        // Standard deviations belong to a minimum that was reached and is not one of several; the paper's method has none.
+        covariance: covariance.filter(|_| !is_doubtful),
         origin_sigma_m: 0.0,
         minimum,
         gap: Gap::test(&solved.state.surface),
@@ -304,12 +311,10 @@ struct Course {
 
 impl Course {
     fn of(adjusted: &Adjusted) -> Self {
-        let neighbourhoods = adjusted.state.surface.planes.len();
-        let costs = adjusted.costs.iter();
         Self {
             iterations: adjusted.iterations,
-            neighbourhoods,
-            costs: costs.map(|sum| sum / neighbourhoods as f64).collect(),
+            neighbourhoods: adjusted.state.surface.planes.len(),
+            costs: adjusted.costs.clone(),
             ending: adjusted.ending,
         }
     }
@@ -398,12 +403,13 @@ fn hold_unobservable_directions(
     state: State,
 ) -> Solved {
     let observability = Observability::new(&state.equations, &state.mountings);
-    let floor_m = problem.floor_m;
+    let (floor_m, width_m) = (problem.floor_m, problem.width_m());
     if observability.unobservable.is_empty() {
         return Solved {
             state,
             observability,
             floor_m,
+            width_m,
         };
     }
     let change = change(initial, &state.mountings);
@@ -414,5 +420,6 @@ fn hold_unobservable_directions(
         observability: Observability::new(&state.equations, &state.mountings),
         state,
         floor_m,
+        width_m,
     }
 }

@@ -55,6 +55,11 @@ impl Thinned {
         }
     }
 
+    /// The mean σ².
+    fn mean_cost(&self) -> f64 {
+        self.residuals.norm_squared() / self.residuals.len() as f64
+    }
+
     /// The residuals of the same neighbourhoods for other mountings.
     fn residuals_at(&self, mountings: &[Mounting]) -> DVector<f64> {
         omnivariances(&self.cloud.place(&poses(mountings)), &self.neighbourhoods)
@@ -82,7 +87,8 @@ fn omnivariances(placed: &Placed, neighbourhoods: &Neighbourhoods) -> DVector<f6
 }
 
 /// Minimises Σσ² by Gauss-Newton on the residuals σ; the voxel filter and the neighbourhoods are
-/// recomputed in every iteration. The cost is Σσ² over the neighbourhoods of the iteration.
+/// recomputed in every iteration. The cost is the mean σ² over the neighbourhoods of the
+/// iteration.
 ///
 /// # Errors
 /// [`Error::Cancelled`](crate::error::Error::Cancelled).
@@ -94,7 +100,7 @@ pub fn minimise(
 ) -> Result<Adjusted> {
     let mut mountings = start;
     let mut thinned = Thinned::new(problem, &mountings);
-    let mut costs = vec![thinned.residuals.norm_squared()];
+    let mut costs = vec![thinned.mean_cost()];
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
     let (mut lowest, mut lowest_at) = (f64::INFINITY, 0);
@@ -132,9 +138,8 @@ pub fn minimise(
         };
         mountings = candidate;
         thinned = Thinned::new(problem, &mountings);
-        let cost = thinned.residuals.norm_squared();
-        costs.push(cost);
-        let mean = cost / thinned.residuals.len() as f64;
+        let mean = thinned.mean_cost();
+        costs.push(mean);
         if moved_m < CONVERGED_M {
             ending = Ending::Converged;
             break;

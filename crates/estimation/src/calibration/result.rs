@@ -93,6 +93,15 @@ impl Calibration {
             .any(|direction| direction.moves((scanner, parameter), convention, &self.mountings))
     }
 
+    /// Whether what the scans seem to say about the mountings is no more than noise: a minimum was reached that is not one
+    /// of several, and parameters are free, but there is no covariance.
+    pub fn is_noise(&self) -> bool {
+        let is_doubtful = self.minimum.as_ref().is_some_and(Minimum::is_doubtful);
+        let determined = self.observability.shares.len() > self.observability.unobservable.len();
+        let has_none = self.covariance.is_none() && determined;
+        has_none && self.method == Method::TwoStep && self.converged && !is_doubtful
+    }
+
     /// Standard deviations of tx, ty, tz (metres) and of the three Euler angles (radians) of
     /// `scanner` in `convention`; `None` for fixed and unobservable parameters.
     pub fn sigmas(&self, scanner: usize, convention: EulerConvention) -> [Option<f64>; 6] {

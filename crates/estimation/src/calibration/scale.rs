@@ -47,6 +47,13 @@ pub struct State {
     pub equations: NormalEquations,
 }
 
+impl State {
+    /// The cost by neighbourhood, which compares states with different numbers of them.
+    pub fn mean_cost(&self) -> f64 {
+        self.cost / self.surface.planes.len() as f64
+    }
+}
+
 impl ScaleProblem {
     /// The problem of the points that are thinned with voxels of this size, placed with `mountings`, with at most so many
     /// centres.
@@ -93,10 +100,15 @@ impl ScaleProblem {
         apart_m > Reach::WRONG.displacement_m(range_m)
     }
 
-    /// Whether half of a scanner's points share no neighbourhood with `there` that they had with `here`. A neighbourhood of
-    /// k points, one in each voxel of a surface, is a disc with a diameter of 2 √(k/π) voxels.
+    /// The width of a neighbourhood, metres: k points, one in each voxel of a surface, are a disc with a diameter of
+    /// 2 √(k/π) voxels.
+    pub fn width_m(&self) -> f64 {
+        2.0 * (self.k as f64 / PI).sqrt() * self.voxel_m
+    }
+
+    /// Whether half of a scanner's points share no neighbourhood with `there` that they had with `here`.
     pub fn has_left(&self, here: &[Mounting], there: &[Mounting]) -> bool {
-        let width_m = 2.0 * (self.k as f64 / PI).sqrt() * self.voxel_m;
+        let width_m = self.width_m();
         let moved_m = self.cloud.median_displacements(&poses(here), &poses(there));
         moved_m.iter().any(|moved_m| *moved_m > width_m)
     }
@@ -121,7 +133,7 @@ pub struct Adjusted {
     pub ending: Ending,
     /// Number of steps, accepted and rejected.
     pub iterations: usize,
-    /// The method's own cost before the first step and after every iteration.
+    /// The method's own cost before the first step and after every iteration, as a mean over the neighbourhoods.
     pub costs: Vec<f64>,
 }
 
@@ -134,6 +146,8 @@ pub struct Solved {
     pub observability: Observability,
     /// s of the cost, metres.
     pub floor_m: f64,
+    /// Width of the neighbourhoods, metres.
+    pub width_m: f64,
 }
 
 /// How a scale ended.

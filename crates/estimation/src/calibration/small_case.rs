@@ -56,6 +56,33 @@ pub fn case() -> (SurfaceCloud, Vec<Mounting>) {
     (cloud, mountings)
 }
 
+/// Two scanners that look straight down, of which the points lie between each other, over hills of this height, with noise
+/// of ± 1 cm.
+pub fn ground(relief_m: f64) -> (SurfaceCloud, Vec<Mounting>) {
+    let mut next = numbers();
+    let mut scanners = [(); 2].map(|()| (Vec::new(), Vec::new()));
+    for i in 0..4000 {
+        let (profiles, points) = &mut scanners[i % 2];
+        let (x, y) = (next(), next());
+        let height_m = relief_m * (3.0 * x + 1.0).sin() * (4.0 * y).cos();
+        points.push(ProfilePoint {
+            profile: profiles.len() as u32,
+            position_m: Vec3::z() * (height_m + 0.01 * next() - 1.0),
+            count: 1,
+        });
+        profiles.push(Profile {
+            time_s: i as f64,
+            world_from_body: WorldFromBody::new(Rotation::identity(), Vec3::new(x, y, 1.0)),
+        });
+    }
+    let mut cloud = SurfaceCloud::new(Vec::new());
+    for (profiles, points) in scanners {
+        cloud.add_scanner(&profiles, points);
+    }
+    let mountings = ["left", "right"].map(|n| Mounting::new(n, BodyFromScanner::identity()));
+    (cloud, mountings.to_vec())
+}
+
 /// The adjustment of the cloud on one scale.
 pub fn problem(cloud: SurfaceCloud) -> ScaleProblem {
     ScaleProblem {

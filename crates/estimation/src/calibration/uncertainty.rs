@@ -15,11 +15,12 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
-use super::cost::{derivative, weight};
+use super::cost::{derivative, noise_of_normals, weight};
 use super::input::{Input, PoseUncertainty};
+use super::places;
 use super::scale::Solved;
 use crate::geometry::Vec3;
 use crate::surface::{Memberships, PosedProfile, Surface};
@@ -30,6 +31,9 @@ const CHUNK: usize = 4096;
 
 /// Number of tasks whose results are held in memory at a time.
 const BATCH: usize = 16;
+
+/// Standard deviations of noise that chance may add: more has a chance of 1 in 700.
+const CHANCE_SIGMAS: f64 = 3.0;
 
 /// Derivative of the gradient g by single points.
 struct Sensitivity<'a> {
@@ -256,19 +260,30 @@ impl<'a> PoseErrors<'a> {
 }
 
 /// Covariance of the mountings (δp, δφ), zero in fixed and unobservable directions: M S Mᵀ with M =
-/// B (BᵀNB)⁻¹ Bᵀ and S the covariance of the gradient. `None` if BᵀNB is singular.
+/// B (BᵀNB)⁻¹ and S the covariance of the gradient Bᵀg. N is the normal matrix without what noise of normals adds to it.
+/// `None` if BᵀNB is not positive definite beyond chance: what looks like information may be noise. The squares of noise in
+/// n separate neighbourhoods scatter by √(2/n) of their sum.
 pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let state = &solved.state;
     let basis = solved.observability.determined(&state.mountings);
-    let reduced = basis.transpose() * &state.equations.matrix * &basis;
-    let inverse = Cholesky::new(reduced)?.inverse();
-    let spread = &basis * inverse * basis.transpose();
-    let gradient = gradient_covariance(
+    let noise = noise_of_normals(&state.surface, solved.floor_m);
+    let without = |noise: DMatrix<f64>| {
+        Cholesky::new(basis.transpose() * (&state.equations.matrix - noise) * &basis)
+    };
+    let points = state.surface.cloud.movable.len() as f64;
+    let separate = points / state.surface.neighbourhoods.k() as f64;
+    without(&noise * (1.0 + CHANCE_SIGMAS * (2.0 / separate).sqrt()))?;
+    let spread = &basis * without(noise)?.inverse();
+    let modelled = gradient_covariance(
         &state.surface,
         solved.floor_m,
         input.trajectory,
         input.poses,
     );
+    let modelled = basis.transpose() * modelled * &basis;
+    let places = places::gradients(&state.surface, solved.floor_m, solved.width_m);
+    let places: Vec<DVector<f64>> = places.iter().map(|g| basis.transpose() * g).collect();
+    let gradient = places::at_least(&modelled, &places).unwrap_or(modelled);
     let covariance = &spread * gradient * spread.transpose();
     Some((&covariance + covariance.transpose()) * 0.5)
 }
@@ -277,10 +292,10 @@ pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
 mod tests {
     use std::sync::Arc;
 
-    use nalgebra::DVector;
-
     use super::*;
-    use crate::calibration::small_case::{FLOOR_M, case, surface};
+    use crate::calibration::observability::Observability;
+    use crate::calibration::scale::ScaleProblem;
+    use crate::calibration::small_case::{FLOOR_M, case, ground, problem, surface};
     use crate::geometry::{WorldFromBody, so3};
     use crate::sensor::{PoseRecord, PoseSigma};
 
@@ -392,5 +407,45 @@ mod tests {
             // Finite rotations of up to 3e-4 rad differ from their derivative by half of that.
             assert!((&covariance - &expected).amax() < 1e-3 * expected.amax());
         }
+    }
+
+    /// The covariance of the place of the right scanner relative to the left, over ground with hills of this height.
+    fn of_slides(relief_m: f64) -> Option<DMatrix<f64>> {
+        let (cloud, mut mountings) = ground(relief_m);
+        mountings[0].fixed = [true; 6];
+        mountings[1].fixed = [false, false, true, true, true, true];
+        let problem = ScaleProblem {
+            floor_m: 1e-3,
+            ..problem(cloud)
+        };
+        let state = problem.at(mountings.clone());
+        let nodes = [0.0, 1e4].map(|time_s| PoseRecord {
+            time_s,
+            world_from_body: WorldFromBody::identity(),
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        });
+        let trajectory = Trajectory::new(nodes.to_vec()).expect("two nodes");
+        let solved = Solved {
+            observability: Observability::new(&state.equations, &mountings),
+            floor_m: problem.floor_m,
+            width_m: problem.width_m(),
+            state,
+        };
+        covariance(&Input::new(mountings, &[], &trajectory), &solved)
+    }
+
+    #[test]
+    fn flat_ground_gives_no_standard_deviations_and_hills_do() {
+        assert_eq!(of_slides(0.0), None);
+        let covariance = of_slides(0.1).unwrap();
+        // Noise of 6 mm and slopes of about 0.2 at 2,000 points: 6 mm / (0.2 √2000) = 0.7 mm.
+        let sigmas_m = [6, 7].map(|i| covariance[(i, i)].sqrt());
+        println!("{sigmas_m:?}");
+        assert!(
+            sigmas_m.iter().all(|s| (0.3e-3..3e-3).contains(s)),
+            "{sigmas_m:?}"
+        );
     }
 }

@@ -34,6 +34,13 @@ format!(
 /// include the motion of the mountings.
 pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -> Option<Verdict> {
     const CODE: &str = "mounting.sigma";
+    if calibration.is_noise() {
+        return Some(Verdict::fault(
+            CODE,
+            "The mountings have no standard deviations, and may be wrong: the ground is so flat that what the scans say \
+             about them is no more than noise. Drive over boards or rougher ground, or give a reference.",
+        ));
+    }
     let mut worst = [0.0f64; 2];
     for (scanner, mounting) in calibration.mountings.iter().enumerate() {
         let sigmas = calibration.sigmas(scanner, mounting.convention);
