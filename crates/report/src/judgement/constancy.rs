@@ -67,10 +67,10 @@ pub fn gap_warning(calibration: &Calibration) -> Option<String> {
     ))
 }
 
-/// The gap of two steps, if it is not constant.
+/// The gap of two steps, if it is not constant; mountings that follow noise leave a gap of their own.
 pub fn moving_gap(calibration: &Calibration) -> Option<Gap> {
     let gap = calibration.gap.filter(|gap| !gap.constant);
-    gap.filter(|_| calibration.method != Method::Joint)
+    gap.filter(|_| calibration.method != Method::Joint && !calibration.is_noise())
 }
 
 /// Smaller correlations are chance; the time of a jump is chosen among many.
