@@ -51,11 +51,12 @@ pub fn minimise(
 ) -> Result<Adjusted> {
     let mut now = start;
     let mut searched_at = poses(&now.mountings);
-    let mut best = (now.mean_cost(), now.mountings.clone());
-    let mut costs = vec![now.mean_cost()];
+    let mut best = (now.cost, now.mountings.clone());
+    let mut costs = vec![now.cost];
     let mut damping = Damping::new(DAMPING);
     let mut ending = Ending::IterationsExhausted;
     let mut iterations = 0;
+    let count = now.surface.planes.len() as f64;
     let centres_m = problem.cloud.centres_m();
     while iterations < problem.max_iterations {
         progress.check()?;
@@ -77,7 +78,7 @@ pub fn minimise(
         let lowered = now.cost - cost;
         let verdict = damping.judge(now.cost, cost);
         if verdict != Verdict::Accepted {
-            costs.push(now.mean_cost());
+            costs.push(now.cost);
             if is_small || verdict == Verdict::GivenUp {
                 ending = Ending::CostFloor;
                 break;
@@ -88,20 +89,20 @@ pub fn minimise(
         if searched_m > SEARCH_AGAIN_SHARE * problem.voxel_m {
             now = problem.state(mountings, surface.search_again());
             searched_at = there;
-            costs.push(now.mean_cost().min(best.0));
-            if now.mean_cost() > best.0 - MIN_GAIN_OF_SEARCH {
+            costs.push(now.cost.min(best.0));
+            if now.cost > best.0 - MIN_GAIN_OF_SEARCH * count {
                 ending = Ending::Alternating;
-                if now.mean_cost() > best.0 {
+                if now.cost > best.0 {
                     now = problem.at(best.1);
                 }
                 break;
             }
-            best = (now.mean_cost(), now.mountings.clone());
+            best = (now.cost, now.mountings.clone());
             continue;
         }
         now = problem.state(mountings, surface);
-        costs.push(now.mean_cost());
-        if is_small || lowered < CONVERGED_COST * now.surface.planes.len() as f64 {
+        costs.push(now.cost);
+        if is_small || lowered < CONVERGED_COST * count {
             ending = Ending::Converged;
             break;
         }
@@ -110,7 +111,7 @@ pub fn minimise(
         state: now,
         ending,
         iterations,
-        costs,
+        costs: costs.iter().map(|sum| sum / count).collect(),
     })
 }
 

@@ -142,34 +142,59 @@ pub fn noise_of_normals(surface: &Surface, floor_m: f64) -> DMatrix<f64> {
 
 /// Sums over all neighbourhoods.
 fn summed(surface: &Surface, add: impl Fn(&mut Sums, usize) + Sync) -> NormalEquations {
-    let partial: Vec<NormalEquations> = (0..surface.planes.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let mut sums = Sums::new(surface.cloud.scanners);
-            let end = ((chunk + 1) * CHUNK).min(surface.planes.len());
-            (chunk * CHUNK..end).for_each(|index| add(&mut sums, index));
-            sums.finish()
+    let start = || Sums::new(surface.cloud.scanners);
+    let sums = in_parts(surface, start, add).into_iter().map(Sums::finish);
+    NormalEquations::sum(6 * surface.cloud.scanners, &sums.collect::<Vec<_>>())
+}
+
+/// Lets every neighbourhood be added to the sums of its task. To add these up in order gives the same for any number of
+/// threads.
+pub fn in_parts<T: Send>(
+    surface: &Surface,
+    start: impl Fn() -> T + Sync,
+    add: impl Fn(&mut T, usize) + Sync,
+) -> Vec<T> {
+    let tasks = (0..surface.planes.len().div_ceil(CHUNK)).into_par_iter();
+    let parts = tasks.map(|chunk| {
+        let mut part = start();
+        let end = ((chunk + 1) * CHUNK).min(surface.planes.len());
+        (chunk * CHUNK..end).for_each(|index| add(&mut part, index));
+        part
+    });
+    parts.collect()
+}
+
+/// A point of a scanner in a neighbourhood.
+struct Member {
+    scanner: usize,
+    /// a, along the axis.
+    derivative: Vector6<f64>,
+    /// Its distance from the mean of the neighbourhood along the axis, metres.
+    distance_m: f64,
+}
+
+/// The points of scanners in a neighbourhood, with derivatives and distances along an axis.
+fn members(surface: &Surface, index: usize, axis: &Vec3) -> impl Iterator<Item = Member> {
+    let mean_m = surface.planes[index].mean_m;
+    let members = surface.neighbourhoods.members(index).iter();
+    members.filter_map(move |&member| {
+        let member = member as usize;
+        let point = surface.cloud.movable.get(member)?;
+        Some(Member {
+            scanner: surface.cloud.profile(point).scanner as usize,
+            derivative: derivative(&surface.mounting_row(member, axis)),
+            distance_m: axis.dot(&(surface.placed.world[member] - mean_m)),
         })
-        .collect();
-    NormalEquations::sum(6 * surface.cloud.scanners, &partial)
+    })
 }
 
 /// Adds the gradient of the cost of one neighbourhood.
 pub fn add_gradient(surface: &Surface, floor_m: f64, index: usize, gradient: &mut DVector<f64>) {
     let plane = &surface.planes[index];
-    let members = surface.neighbourhoods.members(index);
-    let weight = weight(plane, floor_m, members.len());
-    for &member in members {
-        let member = member as usize;
-        let Some(point) = surface.cloud.movable.get(member) else {
-            continue;
-        };
-        let scanner = surface.cloud.profile(point).scanner as usize;
-        let residual = plane
-            .normal
-            .dot(&(surface.placed.world[member] - plane.mean_m));
-        let mut rows = gradient.fixed_rows_mut::<6>(6 * scanner);
-        rows += derivative(&surface.mounting_row(member, &plane.normal)) * (weight * residual);
+    let weight = weight(plane, floor_m, surface.neighbourhoods.k());
+    for member in members(surface, index, &plane.normal) {
+        let mut rows = gradient.fixed_rows_mut::<6>(6 * member.scanner);
+        rows += member.derivative * (weight * member.distance_m);
     }
 }
 
@@ -193,17 +218,9 @@ impl Sums {
 
     /// Adds a neighbourhood with distances along `axis`.
     fn add(&mut self, surface: &Surface, index: usize, axis: &Vec3, weight: f64) {
-        let Surface { cloud, placed, .. } = surface;
-        let mean_m = surface.planes[index].mean_m;
-        let members = surface.neighbourhoods.members(index);
         self.derivative.fill(Vector6::zeros());
-        for &member in members {
-            let member = member as usize;
-            let Some(point) = cloud.movable.get(member) else {
-                continue;
-            };
-            let scanner = cloud.profile(point).scanner as usize;
-            let derivative = derivative(&surface.mounting_row(member, axis));
+        for member in members(surface, index, axis) {
+            let (scanner, derivative) = (member.scanner, member.derivative);
             let weighted = derivative * weight;
             let block = &mut self.diagonal_blocks[scanner];
             for column in 0..6 {
@@ -211,15 +228,14 @@ impl Sums {
                     block[(row, column)] += weighted[row] * derivative[column];
                 }
             }
-            let residual = axis.dot(&(placed.world[member] - mean_m));
-            self.gradient[scanner] += weighted * residual;
+            self.gradient[scanner] += weighted * member.distance_m;
             self.derivative[scanner] += derivative;
         }
         // −k ā āᵀ · 2w/k, where `derivative` holds k ā of each scanner.
-        let factor = weight / members.len() as f64;
-        for a in 0..cloud.scanners {
+        let factor = weight / surface.neighbourhoods.k() as f64;
+        for a in 0..self.gradient.len() {
             let weighted = self.derivative[a] * factor;
-            for b in a..cloud.scanners {
+            for b in a..self.gradient.len() {
                 let mut block = self.matrix.fixed_view_mut::<6, 6>(6 * a, 6 * b);
                 block -= weighted * self.derivative[b].transpose();
             }

@@ -147,11 +147,12 @@ fn is_possible(initial: &[Mounting], state: &State) -> bool {
 
 /// Whether a state fits as well as another, and takes up as little space.
 fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
+    let mean_cost = |state: &State| state.cost / state.surface.planes.len() as f64;
     let space = |state: &State| {
         let points = state.surface.placed.world.iter().copied();
         occupied(points, voxel_m).len() as f64
     };
-    state.mean_cost() < nearest.mean_cost() + AS_LOW && space(state) < AS_SMALL * space(nearest)
+    mean_cost(state) < mean_cost(nearest) + AS_LOW && space(state) < AS_SMALL * space(nearest)
 }
 
 #[cfg(test)]

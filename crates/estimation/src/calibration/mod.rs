@@ -149,13 +149,14 @@ pub fn calibrate(
             match Minimum::test(input, &solved.state.mountings, settings, progress)? {
                 Some((mut minimum, others)) => {
                     for other in others {
-                        follow(input, &mut minimum, other, &solved, settings, progress)?;
-                    }
-                    if let Some(covariance) = &covariance {
-                        minimum.alternative = minimum.alternative.filter(|other| {
-                            let change = change(&solved.state.mountings, other);
-                            !minimum::is_within(&change, covariance)
-                        });
+                        let end = follow(input, &mut minimum, other, &solved, settings, progress)?;
+                        // What standard deviations allow is not another minimum.
+                        let is_apart = |end: &Vec<Mounting>| {
+                            let change = change(&solved.state.mountings, end);
+                            let covariance = covariance.as_ref();
+                            covariance.is_none_or(|c| !minimum::is_within(&change, c))
+                        };
+                        minimum.alternative = end.filter(is_apart).or(minimum.alternative);
                     }
                     Some(minimum)
                 }
@@ -181,7 +182,7 @@ pub fn calibrate(
 
 /// Lets the finer scales lead on from `other` mountings that fit as well at the coarsest scale, as [`calibrate`] did from
 /// the start: along directions that the coarsest scale hardly determines, it ends far away at nearly the same cost. If the
-/// finer scales keep them apart, they are the alternative of `minimum`.
+/// finer scales keep them apart, returns where they end.
 fn follow(
     input: &Input<'_>,
     minimum: &mut Minimum,
@@ -189,7 +190,7 @@ fn follow(
     solved: &Solved,
     settings: &CalibrationSettings,
     progress: &dyn Progress,
-) -> Result<()> {
+) -> Result<Option<Vec<Mounting>>> {
     // Rare, and not among the expected steps.
     let progress = &Steps::new(progress, 1, 0);
     let mut begin = other;
@@ -213,10 +214,7 @@ fn follow(
     let is_elsewhere = finest.is_none_or(|(end, voxel_m): (State, f64)| {
         minimum.ends_elsewhere(&input.mountings, &solved.state, &end, voxel_m)
     });
-    if is_elsewhere {
-        minimum.alternative = Some(begin);
-    }
-    Ok(())
+    Ok(is_elsewhere.then_some(begin))
 }
 
 /// `None` if a scale has too few points.
@@ -402,24 +400,23 @@ fn hold_unobservable_directions(
     initial: &[Mounting],
     state: State,
 ) -> Solved {
-    let observability = Observability::new(&state.equations, &state.mountings);
-    let (floor_m, width_m) = (problem.floor_m, problem.width_m());
+    let solved = |state: State| Solved {
+        observability: Observability::new(&state.equations, &state.mountings),
+        state,
+        floor_m: problem.floor_m,
+        width_m: problem.width_m(),
+    };
+    let found = solved(state);
+    let Solved {
+        state,
+        observability,
+        ..
+    } = &found;
     if observability.unobservable.is_empty() {
-        return Solved {
-            state,
-            observability,
-            floor_m,
-            width_m,
-        };
+        return found;
     }
     let change = change(initial, &state.mountings);
     let mountings = parameters::moved(&state.mountings, &observability.restoring(&change));
     let surface = state.surface.moved(&parameters::poses(&mountings));
-    let state = problem.state(mountings, surface);
-    Solved {
-        observability: Observability::new(&state.equations, &state.mountings),
-        state,
-        floor_m,
-        width_m,
-    }
+    solved(problem.state(mountings, surface))
 }

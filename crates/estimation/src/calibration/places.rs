@@ -15,57 +15,52 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rayon::prelude::*;
 
-use super::cost::add_gradient;
+use super::cost::{add_gradient, in_parts};
 use crate::surface::Surface;
 
-/// Neighbourhoods per parallel task. Sums run over tasks in order, so that results do not depend on the number of threads.
-const CHUNK: usize = 2048;
 /// Fewest places: several for each of the 24 parameters of four scanners.
 const PLACES: usize = 64;
 
 /// A cell of a cubic grid.
 type Cell = [i64; 3];
 
+/// The gradients of cells.
+type Cells = BTreeMap<Cell, DVector<f64>>;
+
 /// The gradients of places as large as leaves at least [`PLACES`] of them, and at least `edge_m` wide.
 pub fn gradients(surface: &Surface, floor_m: f64, edge_m: f64) -> Vec<DVector<f64>> {
-    let size = 6 * surface.cloud.scanners;
-    let zero = || DVector::zeros(size);
-    let sums = (0..surface.planes.len().div_ceil(CHUNK)).into_par_iter();
-    let sums = sums.map(|chunk| {
-        let mut cells: BTreeMap<Cell, DVector<f64>> = BTreeMap::new();
-        for index in chunk * CHUNK..((chunk + 1) * CHUNK).min(surface.planes.len()) {
-            let mean_m = surface.planes[index].mean_m;
-            let cell = [mean_m.x, mean_m.y, mean_m.z].map(|x| (x / edge_m).floor() as i64);
-            add_gradient(
-                surface,
-                floor_m,
-                index,
-                cells.entry(cell).or_insert_with(zero),
-            );
-        }
-        cells
+    let zero = || DVector::zeros(6 * surface.cloud.scanners);
+    let parts = in_parts(surface, Cells::new, |cells: &mut Cells, index| {
+        let mean_m = surface.planes[index].mean_m;
+        let cell = [mean_m.x, mean_m.y, mean_m.z].map(|x| (x / edge_m).floor() as i64);
+        let gradient = cells.entry(cell).or_insert_with(zero);
+        add_gradient(surface, floor_m, index, gradient);
     });
-    let sums: Vec<_> = sums.collect();
-    let merged = |all: &mut dyn Iterator<Item = (Cell, DVector<f64>)>| {
-        let mut cells: BTreeMap<Cell, DVector<f64>> = BTreeMap::new();
-        for (cell, gradient) in all {
-            *cells.entry(cell).or_insert_with(zero) += gradient;
-        }
-        cells
-    };
-    let mut cells = merged(&mut sums.into_iter().flatten());
+    let mut cells = merged(parts.into_iter().flatten());
     loop {
-        let mut doubled = cells
-            .iter()
-            .map(|(cell, gradient)| (cell.map(|x| x.div_euclid(2)), gradient.clone()));
-        let wider = merged(&mut doubled);
+        let doubled = cells.iter();
+        let doubled = doubled.map(|(cell, g)| (cell.map(|x| x.div_euclid(2)), g.clone()));
+        let wider = merged(doubled);
         if wider.len() < PLACES || wider.len() == cells.len() {
             return cells.into_values().collect();
         }
         cells = wider;
     }
+}
+
+/// Sums the gradients of equal cells.
+fn merged(all: impl Iterator<Item = (Cell, DVector<f64>)>) -> Cells {
+    let mut cells = Cells::new();
+    for (cell, gradient) in all {
+        match cells.get_mut(&cell) {
+            Some(sum) => *sum += gradient,
+            None => {
+                cells.insert(cell, gradient);
+            }
+        }
+    }
+    cells
 }
 
 /// The modelled covariance of the gradient, or along each direction what the `gradients` of places say if it is larger

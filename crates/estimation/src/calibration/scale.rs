@@ -47,13 +47,6 @@ pub struct State {
     pub equations: NormalEquations,
 }
 
-impl State {
-    /// The cost by neighbourhood, which compares states with different numbers of them.
-    pub fn mean_cost(&self) -> f64 {
-        self.cost / self.surface.planes.len() as f64
-    }
-}
-
 impl ScaleProblem {
     /// The problem of the points that are thinned with voxels of this size, placed with `mountings`, with at most so many
     /// centres.
