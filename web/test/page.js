@@ -72,14 +72,17 @@ export async function ready(page) {
   await settled(page);
 }
 
-/** Waits until nothing is drawn any more. */
+/**
+ * Waits until nothing is drawn any more. On a busy machine a frame may take longer than any wait, so that the stage is
+ * asked; the wait is for what begins only in the next frame.
+ */
 export async function settled(page) {
   await page.evaluate(async () => {
     const { stage } = document.getElementById('scene-viewer').viewer;
     let frames = -1;
-    while (frames !== stage.frames) {
+    while (frames !== stage.frames || stage.isAsked || stage.isMoving) {
       frames = stage.frames;
-      await new Promise((resolve) => { setTimeout(resolve, 700); });
+      await new Promise((resolve) => { setTimeout(resolve, 350); });
     }
   });
 }
