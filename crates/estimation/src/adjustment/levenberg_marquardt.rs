@@ -72,6 +72,38 @@ pub trait LeastSquares {
 
     /// The squared length of the last step in posterior standard deviations.
     fn decrement(&self) -> f64;
+
+    /// Derivative of the cost along the last step, where the step begins: by the share of it that is taken. `None` if
+    /// steps are taken whole.
+    fn slope(&self) -> Option<f64> {
+        None
+    }
+
+    /// The state after a share of the last step, taken from `state`.
+    fn part_of_step(&self, _state: &Self::State, _share: f64) -> Option<Self::State> {
+        None
+    }
+}
+
+/// The least cost along a step is looked for if the parabola through the costs has it outside of these shares of the step.
+/// It is at the end of the step if the cost is as curved as the normal equations say: rows with derivatives that change
+/// along the step make it more curved, rows under a robust loss less.
+const USUAL_SHARES: [f64; 2] = [0.75, 1.5];
+/// Shares of a step to which the parabola is trusted.
+const TRUSTED_SHARES: [f64; 2] = [0.1, 8.0];
+
+/// Share of a step at which the cost is least, by the parabola through both costs with the slope at the beginning; `None`
+/// if that is about at its end.
+fn least_at(cost: f64, trial_cost: f64, slope: f64) -> Option<f64> {
+    let bend = trial_cost - cost - slope;
+    let [shortest, longest] = TRUSTED_SHARES;
+    let share = if bend > 0.0 {
+        (-slope / (2.0 * bend)).clamp(shortest, longest)
+    } else {
+        longest
+    };
+    let [from, to] = USUAL_SHARES;
+    (slope < 0.0 && bend.is_finite() && (share < from || share > to)).then_some(share)
 }
 
 /// Moves `state` to the least cost, in at most `most_iterations`, until a step is shorter than
@@ -99,12 +131,23 @@ pub fn levenberg_marquardt<P: LeastSquares>(
         progress.advance(1);
         progress.check()?;
         let undamped = damping.value() == 0.0;
-        let trial = problem.step(state, damping.value());
-        let trial_cost = trial.as_ref().map_or(f64::NAN, |trial| problem.cost(trial));
+        let mut trial = problem.step(state, damping.value());
+        let mut trial_cost = trial.as_ref().map_or(f64::NAN, |trial| problem.cost(trial));
+        let mut decrement = problem.decrement();
+        let slope = problem.slope();
+        if let Some(share) = slope.and_then(|slope| least_at(cost, trial_cost, slope))
+            && let Some(part) = problem.part_of_step(state, share)
+        {
+            let part_cost = problem.cost(&part);
+            if part_cost < trial_cost {
+                (trial, trial_cost) = (Some(part), part_cost);
+                decrement *= share * share;
+            }
+        }
         match (damping.judge(cost, trial_cost), trial) {
             (Verdict::Accepted, Some(trial)) => {
                 (*state, cost) = (trial, trial_cost);
-                if undamped && problem.decrement() < converged_sigmas.powi(2) {
+                if undamped && decrement < converged_sigmas.powi(2) {
                     break StopReason::Converged;
                 }
                 level = if rule.is_lower(lowest, cost) {
@@ -155,6 +198,21 @@ mod tests {
         fn decrement(&self) -> f64 {
             self.step * self.step
         }
+    }
+
+    #[test]
+    fn the_least_cost_along_a_step_is_found() {
+        // c(x) = (x − 0.5)² + 1 along steps to 1 and to 0.1.
+        assert_eq!(least_at(1.25, 1.25, -1.0), Some(0.5));
+        let short = least_at(1.25, 1.16, -0.1).unwrap();
+        assert!((short - 5.0).abs() < 1e-9, "{short}");
+        // Far too long, and a cost that falls ever faster.
+        assert_eq!(least_at(1.25, 100.0, -1.0), Some(0.1));
+        assert_eq!(least_at(1.25, 0.1, -1.0), Some(8.0));
+        // As long as it should be, upwards, and not computed.
+        assert_eq!(least_at(1.5, 1.0, -1.0), None);
+        assert_eq!(least_at(1.25, 1.25, 1.0), None);
+        assert_eq!(least_at(1.25, f64::NAN, -1.0), None);
     }
 
     fn ended(stretch: f64) -> Ended {

@@ -60,8 +60,8 @@ impl JointProblem<'_> {
         }
     }
 
-    /// Solves for the step with the last factor and gradient, and sets the decrement to its squared length.
-    fn solved(&mut self) -> Option<Vec<f64>> {
+    /// Solves for the step with the last factor and gradient; sets its squared length and the slope of the cost along it.
+    fn solve(&mut self) -> Option<()> {
         let mut step = self.system.gradient().to_vec();
         self.factor.as_ref()?.solve(&mut step, 1);
         let terms = step.iter().zip(self.system.gradient());
@@ -72,7 +72,10 @@ impl JointProblem<'_> {
             step.dot(&(metric * &step))
         });
         self.decrement = shared.max(all / step.len() as f64);
-        Some(step)
+        // The right-hand side is the negative gradient.
+        self.slope = -all;
+        self.step = step;
+        Some(())
     }
 
     /// Marks the factor as outdated: after a change of the weights of rows, or after a long last step.
@@ -167,17 +170,26 @@ impl LeastSquares for JointProblem<'_> {
         if !is_old {
             self.factorise_assembled(state, &diagonal)?;
         }
-        let mut step = self.solved()?;
+        self.solve()?;
         if is_old && self.decrement > CHORD_GAIN * before {
             self.factorise_assembled(state, &[])?;
-            step = self.solved()?;
+            self.solve()?;
         }
-        Some(self.retracted(state, &step))
+        self.part_of_step(state, 1.0)
     }
 
     /// The larger of two squared lengths: that of the step of the blocks that couple with everything, in their
     /// standard deviations of the previous round, and the mean square over all unknowns.
     fn decrement(&self) -> f64 {
         self.decrement
+    }
+
+    fn slope(&self) -> Option<f64> {
+        Some(self.slope)
+    }
+
+    fn part_of_step(&self, state: &State, share: f64) -> Option<State> {
+        let step: Vec<f64> = self.step.iter().map(|x| share * x).collect();
+        Some(self.retracted(state, &step))
     }
 }

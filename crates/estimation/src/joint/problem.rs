@@ -51,6 +51,9 @@ pub struct JointProblem<'a> {
     /// W with Wᵀ W the inverse covariance of mountings known beforehand.
     pub known: Option<DMatrix<f64>>,
     pub(super) decrement: f64,
+    /// The last step, and the derivative of the cost along it where it begins.
+    pub(super) step: Vec<f64>,
+    pub(super) slope: f64,
     /// Inverse covariance of the blocks that couple with everything, from the previous round.
     pub(super) metric: Option<DMatrix<f64>>,
     pub(super) damping_sigma: Vec<f64>,
@@ -98,6 +101,8 @@ impl<'a> JointProblem<'a> {
             factored: None,
             known,
             decrement: f64::INFINITY,
+            step: Vec::new(),
+            slope: f64::NAN,
             metric: None,
             damping_sigma: Vec::new(),
         };
