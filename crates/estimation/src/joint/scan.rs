@@ -66,8 +66,9 @@ fn is_scaled(depth_m: f64, now_m: f64) -> bool {
 }
 
 impl Mean {
-    /// Multiplies by d₀/d, given the derivatives of d by the mounting and by the latency.
-    fn scale(&mut self, depth_m: f64, by_mounting: &[f64; 6], by_late: f64) {
+    /// Multiplies by d₀/d, given the derivatives of d by the mounting and by the latency, and the profile at which they
+    /// are taken.
+    fn scale(&mut self, depth_m: f64, by_mounting: &[f64; 6], by_late: f64, profile: &Profile) {
         let factor = depth_m / self.depth_m;
         self.residual_m *= factor;
         let share = self.residual_m / self.depth_m;
@@ -76,9 +77,12 @@ impl Mean {
         for (by, depth_by) in self.by_mounting.iter_mut().zip(by_mounting) {
             *by = *by * factor - share * depth_by;
         }
-        // The change of d with these is neglected: its effect is a residual over d, a thousandth.
-        self.by_compliance = self.by_compliance.map(|x| x * factor);
-        self.by_next_knot = self.by_next_knot.map(|x| x * factor);
+        for (i, by) in self.by_compliance.iter_mut().enumerate() {
+            *by = *by * factor - share * by_mounting[i % 6] * profile.causes[i / 6];
+        }
+        for (by, depth_by) in self.by_next_knot.iter_mut().zip(by_mounting) {
+            *by = *by * factor - share * depth_by * profile.next_share;
+        }
         self.by_late = self.by_late * factor - share * by_late;
     }
 }
@@ -284,7 +288,7 @@ impl<'a> StepScans<'a> {
         if is_scaled(row.depth_m, row_mean.depth_m) {
             let moment = six(arm.cross(&in_body), Vec3::zeros());
             let by_late = -in_body.dot(&pose.rate_rad_s.cross(&arm));
-            row_mean.scale(row.depth_m, &moment, by_late);
+            row_mean.scale(row.depth_m, &moment, by_late, pose);
             let by_pose = moment.map(|x| -x * row_mean.residual_m / row_mean.depth_m);
             self.poses
                 .pull_back(pose.time_s, &by_pose, &mut row_mean.by_nodes);
