@@ -11,7 +11,7 @@ use super::joint_input::{input, surfel_m};
 use super::placed;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages;
-use crate::calibration::{Calibration, Mounting, Reach};
+use crate::calibration::{Calibration, INITIAL_SIGMA, Mounting, Reach};
 use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{
@@ -22,11 +22,15 @@ use crate::judgement;
 use crate::number;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
+use crate::statistics::chi_square as chi_square_of;
 
 /// A scanner is late if the scans show a latency of more than this many standard deviations and of more than
 /// `LEAST_LATENCY_S`, seconds.
 const LATE_SIGMAS: f64 = 5.0;
 const LEAST_LATENCY_S: f64 = 0.002;
+
+/// Initial values are farther off than this in one of a thousand mountings, standard normal distribution.
+const INITIAL_Z: f64 = 3.09;
 
 /// Adjusts the calibration drive together with those of `[[drive]]`, starting from the calibration in two steps. If the
 /// adjustment is impossible or contradicted by sensors, the report says why; this is not an error.
@@ -133,8 +137,9 @@ pub fn report(
         report.refused.insert(0, reason.into());
     }
     if let Some(joint) = &report.result {
-        let (from, to) = (&two_steps.mountings, &joint.mountings);
-        if let Some(reason) = beyond_initial_values(from, to) {
+        let initial = &calibration_drive.rig.mountings;
+        let reason = beyond_initial_values(initial, &two_steps.mountings, &joint.mountings);
+        if let Some(reason) = reason {
             report.refused.push(reason);
         } else if matches!(project.motion, Motion::Poses(_)) {
             let cell_m = PASS_CELL_VOXELS * calibration_drive.rig.finest_m();
@@ -153,19 +158,29 @@ pub fn report(
     Ok(report)
 }
 
-/// Why mountings cannot be true if two steps found those `from` which the adjustment started: two steps keep initial values
-/// along what they do not determine, and neither is farther off than [`Reach::ROUGH`].
-fn beyond_initial_values(from: &[Mounting], to: &[Mounting]) -> Option<String> {
-    let mut pairs = from.iter().zip(to);
-    pairs.find_map(|(from, to)| {
-        let moved = to.body_from_scanner.perturbation_from(&from.body_from_scanner);
-        Reach::ROUGH.times(2.0).is_exceeded(&moved).then(|| {
-            let (turn, shift) = moved;
+/// Why the mountings of a joint adjustment cannot be true: one is farther from its initial value than this is off, and also
+/// farther than [`Reach::ROUGH`] from that of two steps, which leave an initial value that is wrong.
+fn beyond_initial_values(
+    initial: &[Mounting],
+    two_steps: &[Mounting],
+    joint: &[Mounting],
+) -> Option<String> {
+    let mut all = joint.iter().zip(two_steps).zip(initial);
+    all.find_map(|((joint, two_steps), initial)| {
+        let from = |other: &Mounting| {
+            let other = &other.body_from_scanner;
+            joint.body_from_scanner.perturbation_from(other)
+        };
+        let (turn, shift) = from(initial);
+        let [shift_m, turn_rad] = INITIAL_SIGMA;
+        let chi_square = (shift / shift_m).norm_squared() + (turn / turn_rad).norm_squared();
+        let is_beyond = chi_square > chi_square_of(6.0, INITIAL_Z);
+        (is_beyond && Reach::ROUGH.is_exceeded(&from(two_steps))).then(|| {
             format!(
-                "it ends {} and {:.1}° away from two steps in the mounting of `{}`, farther than initial values are off",
+                "it ends {} and {:.1}° away from the initial value of `{}`, farther than initial values are off",
                 number::length(shift.norm()),
                 turn.norm().to_degrees(),
-                to.name,
+                joint.name,
             )
         })
     })
@@ -340,18 +355,27 @@ mod tests {
 
     #[test]
     fn an_adjustment_that_ends_farther_than_initial_values_are_off_is_named() {
-        let from = [Mounting::new("left", BodyFromScanner::identity())];
-        let reason = |turn_rad: f64, shift_m: f64| {
+        let at = |turn_rad: f64, shift_m: f64| {
             let (turn, shift) = (Vec3::x() * turn_rad, Vec3::y() * shift_m);
             let pose = BodyFromScanner::identity().perturbed(&turn, &shift);
-            beyond_initial_values(&from, &[Mounting::new("left", pose)])
+            [Mounting::new("left", pose)]
         };
-        assert_eq!(reason(0.1, 0.19), None);
+        let initial = at(0.0, 0.0);
+        let reason = |turn_rad: f64, shift_m: f64| {
+            beyond_initial_values(&initial, &initial, &at(turn_rad, shift_m))
+        };
+        // χ² of 6 degrees exceeds 22.5 once in a thousand: 4.7 standard deviations.
+        assert_eq!((reason(0.11, 0.0), reason(0.0, 0.11)), (None, None));
         let far = reason(0.0, 0.25).unwrap();
         assert!(
             far.contains("250 mm and 0.0° away") && far.contains("`left`"),
             "{far}"
         );
-        assert!(reason(0.14, 0.0).unwrap().contains("8.0° away"));
+        assert!(reason(0.15, 0.0).unwrap().contains("8.6° away"));
+        // Two steps agree: the initial value is wrong.
+        assert_eq!(
+            beyond_initial_values(&initial, &at(0.15, 0.25), &at(0.16, 0.24)),
+            None
+        );
     }
 }

@@ -95,7 +95,7 @@ pub struct Ended {
     /// Largest error of a position (metres) and of a rotation (radians), whether it has a standard deviation or not: of
     /// the result and of the initial values.
     pub worst: [[f64; 2]; 2],
-    /// Not after two steps, nor where the data leave a direction of the mountings open.
+    /// Not after two steps.
     pub points: Option<Points>,
     /// Codes of the verdicts that need attention.
     pub warnings: Vec<String>,
@@ -155,9 +155,7 @@ impl Ended {
             moving,
             reference: &[],
         };
-        // What nothing determines of the mountings is not in the standard deviations of points.
-        let determined = joint.filter(|_| calibration.observability.unobservable.is_empty());
-        let points = determined.and_then(|joint| {
+        let points = joint.and_then(|joint| {
             let late = |l: &Option<(f64, f64)>| l.map_or(0.0, |l| l.0);
             let late_s: Vec<f64> = joint.late_s.iter().map(late).collect();
             Points::of(&check.point_errors(joint, &late_s), scenario.seed)

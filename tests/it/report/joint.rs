@@ -101,7 +101,7 @@ fn joint_result(full: &Full, near: &Calibration, imu: f64, east: f64) -> Joint {
             offset_m: 2.8e-3,
             surfels: 77,
         }],
-        held: Vec::new(),
+        undetermined: Vec::new(),
         groups: vec![
             group("imu", 180_000, 90_000.0, Some(imu)),
             group("prism", 6_300, 5_900.0, Some(1.01)),

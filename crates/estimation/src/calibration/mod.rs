@@ -44,8 +44,7 @@ pub use sample::{ScannerSample, sample_profiles};
 pub use scale::Ending;
 pub use search::better_start;
 pub use serialize::{MountingForms, ScannerResult};
-pub(crate) use settings::INITIAL_SIGMA_M;
-pub use settings::{CalibrationSettings, Method, Reach};
+pub use settings::{CalibrationSettings, INITIAL_SIGMA, Method, Reach};
 pub use spacing::point_spacing_m;
 pub use variant::Variant;
 

@@ -139,8 +139,8 @@ impl Observability {
 }
 
 impl UnobservableDirection {
-    /// A direction (δp, δφ) of all mountings that an adjustment held at its initial value.
-    pub(crate) fn held(direction: &DVector<f64>, mountings: &[Mounting]) -> Self {
+    /// A direction (δp, δφ) of all mountings, of which initial values say more than the drives.
+    pub(crate) fn of(direction: &DVector<f64>, mountings: &[Mounting]) -> Self {
         let direction = direction.normalize();
         let parameters = affected_parameters(&direction, mountings, None);
         Self {

@@ -23,9 +23,8 @@ pub struct Calibration {
     pub converged: bool,
     /// Scales from coarse to fine.
     pub scales: Vec<Scale>,
-    /// Covariance of (δp, δφ) of all scanners, body axes, zero for fixed and unobservable
-    /// parameters; `None` if the normal matrix is singular, and for the paper's method, which has
-    /// no covariance.
+    /// Covariance of (δp, δφ) of all scanners, body axes, zero for fixed parameters and, after two steps, for
+    /// unobservable ones; `None` if the normal matrix is singular, and for the paper's method, which has no covariance.
     pub covariance: Option<DMatrix<f64>>,
     /// Standard deviation of the body's origin along each axis, which the covariance includes, metres.
     pub origin_sigma_m: f64,
@@ -152,8 +151,12 @@ impl Calibration {
     }
 
     /// The covariance with the errors of initial values along the directions that are held at them. They move all
-    /// parameters, some so little that these still have a standard deviation.
+    /// parameters, some so little that these still have a standard deviation. In a joint adjustment initial values are
+    /// observations like others, whose errors are in the covariance.
     fn covariance_with_held(&self) -> Option<DMatrix<f64>> {
+        if self.method == Method::Joint {
+            return self.covariance.clone();
+        }
         let held = self.observability.unobservable.iter();
         held.fold(self.covariance.clone(), |covariance, direction| {
             let error = direction.initial_error();

@@ -64,6 +64,10 @@ impl Reach {
 /// Standard deviation of initial values along any direction, metres: a quarter of their largest error. Rotations are
 /// converted by [`LEVER_M`](super::observability::LEVER_M).
 pub(crate) const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
+/// Standard deviations of the initial position (metres) and rotation (radians) of a mounting along and about each axis,
+/// as observations of a joint adjustment: half of their largest errors, since all scanners may share one, as that of the
+/// measured position of the IMU.
+pub const INITIAL_SIGMA: [f64; 2] = [0.5 * Reach::ROUGH.shift_m, 0.5 * Reach::ROUGH.turn_rad];
 /// Standard deviation of initial rotations about an axis, radians: a quarter of their largest error.
 pub(super) const INITIAL_SIGMA_RAD: f64 = 0.25 * Reach::ROUGH.turn_rad;
 

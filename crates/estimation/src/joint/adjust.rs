@@ -81,7 +81,7 @@ pub fn at_rung(
     };
     let (mut round, mut again, mut sizes_m) = (Round::Coarse, false, vec![surfel_m]);
     let mut references = cells(&sizes_m, state.reference);
-    let (mut groups, mut held) = (Groups::new(input), None);
+    let mut groups = Groups::new(input);
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
         iterations: 0,
@@ -130,7 +130,6 @@ pub fn at_rung(
                 association,
                 groups.clone(),
                 &state,
-                held.clone(),
                 surface_m,
             );
             if problem.factor_entries() <= MAX_FACTOR_ENTRIES {
@@ -200,7 +199,7 @@ pub fn at_rung(
             let joint = conclude(&problem, &state, &components, stop, steps.iterations)?;
             return Ok(Outcome::Found(Box::new(joint)));
         }
-        (groups, held) = (problem.groups, problem.held);
+        groups = problem.groups;
         again = round == Round::Fine;
         if settled || repeat >= MAX_COARSE_ROUNDS {
             round = Round::Fine;

@@ -7,9 +7,8 @@ use super::problem::JointProblem;
 use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
 use super::surfel::{LEAST_SIGMA_M, ReferencePlane, Surfel};
-use crate::calibration::observability::LEVER_M;
 use crate::calibration::parameters::{change, euler_jacobian_body};
-use crate::calibration::{INITIAL_SIGMA_M, Mounting};
+use crate::calibration::{INITIAL_SIGMA, Mounting};
 use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
@@ -22,15 +21,9 @@ use nalgebra::DVector;
 /// determines them: surfels that may stand upright follow every move of the points, and steps hardly become
 /// shorter.
 pub const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
-/// Standard deviation of a mounting's position (metres) and rotation, so wide that it only keeps the problem
-/// solvable.
-const MOUNTING_SIGMA: f64 = 1.0;
-/// The same until it is known what nothing determines: along such a direction a step of a fraction of a standard deviation
-/// is so long that derivatives no longer hold, and no step of usual damping would lower the cost.
-const START_SIGMA: [f64; 2] = [INITIAL_SIGMA_M, INITIAL_SIGMA_M / LEVER_M];
-/// Standard deviation of a direction that is held, because nothing determines it to [`INITIAL_SIGMA_M`], metres: small
-/// against that, and so large that the second order of a step along it does not outweigh all other rows.
-const HELD_DIRECTION_SIGMA_M: f64 = 1e-5;
+/// Standard deviations of the position (metres) and rotation of a mounting that another adjustment knows, beside its
+/// covariance: so wide that they add nothing.
+const KNOWN_SIGMA: [f64; 2] = [1.0, 1.0];
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
 
@@ -193,7 +186,7 @@ impl JointProblem<'_> {
         self.mountings(state, batch);
     }
 
-    /// Priors of the mountings: those of the start, and those of fixed parameters, held directions and known values.
+    /// Priors of the mountings: initial values, fixed parameters and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let from_start = change(&self.input.mountings, &state.mountings);
         let from_initial = change(self.input.initial, &state.mountings);
@@ -212,6 +205,10 @@ impl JointProblem<'_> {
                 }
             }
         };
+        let initial_sigma = match self.known {
+            Some(_) => KNOWN_SIGMA,
+            None => INITIAL_SIGMA,
+        };
         let count = 6 * state.mountings.len();
         let starts = self.input.mountings.iter();
         for (scanner, (mounting, start)) in state.mountings.iter().zip(starts).enumerate() {
@@ -221,11 +218,9 @@ impl JointProblem<'_> {
                 let mut direction = vec![0.0; count];
                 let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                let sigma = match self.held {
-                    Some(_) => MOUNTING_SIGMA,
-                    None => START_SIGMA[parameter / 3],
-                };
-                add(&direction, along(&direction, &from_start), 1.0 / sigma);
+                let moved = along(&direction, &from_initial);
+                let by = by_perturbation(&DVector::from_column_slice(&direction), &from_initial);
+                add(by.as_slice(), moved, 1.0 / initial_sigma[parameter / 3]);
                 if !mounting.fixed[parameter] {
                     continue;
                 }
@@ -239,11 +234,6 @@ impl JointProblem<'_> {
                 }
                 add(&direction, moved, 1.0 / HELD_SIGMA);
             }
-        }
-        for direction in self.held.iter().flatten() {
-            let moved = along(direction.as_slice(), &from_initial);
-            let by = by_perturbation(direction, &from_initial);
-            add(by.as_slice(), moved, 1.0 / HELD_DIRECTION_SIGMA_M);
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();

@@ -39,9 +39,6 @@ pub struct JointProblem<'a> {
     pub groups: Groups,
     /// σ of the reference's surface errors, metres.
     pub surface_m: f64,
-    /// Directions of (δp, δφ) of all mountings that nothing determines and that are held at their initial values; `None`
-    /// until these are known, and all mountings have priors.
-    pub held: Option<Vec<DVector<f64>>>,
     /// The mean of the points of each scanner, scanner frame, metres.
     centres_m: Vec<Vec3>,
     pub(super) system: SparseSystem,
@@ -66,7 +63,6 @@ impl<'a> JointProblem<'a> {
         association: Association,
         groups: Groups,
         state: &State,
-        held: Option<Vec<DVector<f64>>>,
         surface_m: f64,
     ) -> Self {
         let has_prior = association
@@ -94,7 +90,6 @@ impl<'a> JointProblem<'a> {
             layout,
             groups,
             surface_m,
-            held,
             centres_m: centres_m(input),
             system: BlockPattern::new(vec![1]).analyse(1),
             factor: None,
@@ -116,8 +111,6 @@ impl<'a> JointProblem<'a> {
                 pattern.couple(&blocks);
             }
         });
-        // Directions that are held later, because nothing determines them, couple all mountings.
-        pattern.couple(&problem.layout.mountings);
         problem.system = pattern.analyse(problem.layout.last());
         problem.damping_sigma = problem.damping_sigma(state);
         problem

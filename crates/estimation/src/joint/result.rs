@@ -12,7 +12,6 @@ use super::score::{RangeScore, Score};
 use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
-use crate::calibration::observability::LEVER_M;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{Bending, BodyFromScanner, Vec3};
 use crate::statistics::rms;
@@ -24,7 +23,7 @@ use crate::verdict::Verdict;
 pub struct Joint {
     /// The mountings, one per scanner.
     pub mountings: Vec<Mounting>,
-    /// Covariance of (δp, δφ) of all mountings, body axes; zero for fixed and held parameters.
+    /// Covariance of (δp, δφ) of all mountings, body axes; zero for fixed parameters.
     pub covariance: DMatrix<f64>,
     /// Latency of each scanner's profiles, if it was estimated: value and standard deviation,
     /// seconds.
@@ -54,8 +53,8 @@ pub struct Joint {
     pub surface_m: f64,
     /// Regions in which scans and reference disagree.
     pub regions: Vec<Region>,
-    /// Directions of the mountings that nothing determines: they are held at their initial values.
-    pub held: Vec<DVector<f64>>,
+    /// Directions (δp, δφ) of the mountings of which initial values say more than the drives.
+    pub undetermined: Vec<DVector<f64>>,
     /// The residuals of each group.
     pub groups: Vec<GroupTest>,
     /// Why the adjustment stopped.
@@ -365,11 +364,8 @@ impl Joint {
     /// The mountings with their quality, as a calibration; its scales are those of two steps, where
     /// it started.
     pub fn calibration(&self, two_steps: &Calibration) -> Calibration {
-        // Converts the sum that is held to the direction that is free; rotations are weighted by a lever in both.
-        let lever_m2 = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M * LEVER_M };
-        let free = |d: &DVector<f64>| DVector::from_fn(d.len(), |i, _| d[i] / lever_m2(i));
-        let held = self.held.iter();
-        let unobservable = held.map(|d| UnobservableDirection::held(&free(d), &self.mountings));
+        let undetermined = self.undetermined.iter();
+        let unobservable = undetermined.map(|d| UnobservableDirection::of(d, &self.mountings));
         Calibration {
             method: Method::Joint,
             mountings: self.mountings.clone(),

@@ -1,6 +1,6 @@
 //! The rounds of an adjustment: how points are sorted in each, and the steps until values and noise have settled.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::DMatrix;
 
 use super::bend::{Bends, Rung};
 use super::components::{Component, components, rescale};
@@ -10,8 +10,6 @@ use super::pose_errors::learn_pose_errors;
 use super::problem::JointProblem;
 use super::state::State;
 use crate::adjustment::{CONVERGED_SIGMAS, DampingRule, StopReason, levenberg_marquardt};
-use crate::calibration::INITIAL_SIGMA_M;
-use crate::calibration::observability::LEVER_M;
 use crate::error::Result;
 use crate::progress::Progress;
 
@@ -175,10 +173,6 @@ impl Steps<'_> {
             self.shared = problem.shared_covariance();
             problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &components);
-            if self.hold(problem) {
-                // Residuals show nothing about trust before the mountings are back at their initial values.
-                self.settle(problem, state, SCALING_SIGMAS)?;
-            }
             problem.find_trust(state);
             let is_settled = change < SETTLED_SCALE
                 && learned < SETTLED_MOTION
@@ -191,21 +185,6 @@ impl Steps<'_> {
         }
         self.settle(problem, state, SETTLED_SIGMAS)
     }
-
-    /// Holds the directions that nothing determines at their initial values, unless this was done before; returns whether
-    /// there are any.
-    fn hold(&self, problem: &mut JointProblem<'_>) -> bool {
-        if problem.held.is_some() {
-            return false;
-        }
-        let held = undetermined(problem, self.shared.as_ref());
-        let are_some = !held.is_empty();
-        if are_some {
-            problem.judge_by(None);
-        }
-        problem.held = Some(held);
-        are_some
-    }
 }
 
 /// The variance components of all groups at a state; the problem then holds the factor at this state or at one
@@ -213,42 +192,4 @@ impl Steps<'_> {
 pub fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
     problem.factorise_near(state).ok_or_else(not_determined)?;
     Ok(components(problem, state))
-}
-
-/// Directions of all mountings, (δp, δφ), along which a parameter has a larger standard deviation than
-/// [`INITIAL_SIGMA_M`], so that initial values are as good. Without a reference and with a lever arm that is estimated, the
-/// common height is one of them: its standard deviation is then that of the prior of the lever arm.
-fn undetermined(problem: &JointProblem<'_>, shared: Option<&DMatrix<f64>>) -> Vec<DVector<f64>> {
-    let count = 6 * problem.input.mountings.len();
-    let Some(shared) = shared else {
-        return Vec::new();
-    };
-    let first = shared.nrows() - count;
-    let scale = |i: usize| if i % 6 < 3 { 1.0 } else { LEVER_M };
-    // The unknowns are (δφ, δp).
-    let place = |i: usize| first + 6 * (i / 6) + (i + 3) % 6;
-    let scaled = DMatrix::from_fn(count, count, |i, j| {
-        shared[(place(i), place(j))] * scale(i) * scale(j)
-    });
-    let eigen = SymmetricEigen::new(scaled);
-    let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
-        .filter_map(|k| {
-            let direction = eigen.eigenvectors.column(k);
-            let variance_m2 = eigen.eigenvalues[k].max(0.0);
-            // Without the prior that holds until now.
-            let others = (1.0 - variance_m2 / INITIAL_SIGMA_M.powi(2)).max(f64::EPSILON);
-            let sigma_m = (variance_m2 / others).sqrt();
-            (sigma_m * direction.amax() > INITIAL_SIGMA_M).then(|| {
-                (
-                    sigma_m,
-                    DVector::from_fn(count, |i, _| direction[i] * scale(i)),
-                )
-            })
-        })
-        .collect();
-    directions.sort_by(|a, b| b.0.total_cmp(&a.0));
-    directions
-        .into_iter()
-        .map(|(_, direction)| direction)
-        .collect()
 }

@@ -201,15 +201,10 @@ fn points(joint: &Joint) -> Option<Verdict> {
     let sigmas = scanners.filter_map(|points| known_m(points));
     let worst = sigmas.reduce(|a, b| a.sup(&b))?;
     let text = format!(
-        "Points are known to {} east, {} north and {} up (one standard deviation, the scanners' noise aside{}).",
+        "Points are known to {} east, {} north and {} up (one standard deviation, the scanners' noise aside).",
         number::length(worst.x),
         number::length(worst.y),
         number::length(worst.z),
-        if joint.held.is_empty() {
-            ""
-        } else {
-            ", and what nothing determines of the mountings"
-        },
     );
     Some(Verdict::note("points.sigma", text).with_value(worst.norm(), None))
 }

@@ -1,7 +1,7 @@
 //! Verdicts on the precision of the mountings: standard deviations, relative mountings, unobservable directions.
 
 use super::constancy;
-use crate::calibration::{Calibration, RelativeMounting, Variant};
+use crate::calibration::{Calibration, Method, RelativeMounting, Variant};
 use crate::number;
 use crate::results::Calibrations;
 use crate::trajectory::Solution;
@@ -120,7 +120,11 @@ pub fn unobservable(calibration: &Calibration, circumstance: &str) -> Vec<String
     directions
         .map(|direction| {
             let text = capitalised(&direction.description);
-            format!("{text} is unobservable{circumstance}: held at the initial value.")
+            let what = match calibration.method {
+                Method::Joint => "the initial value says more about it than the drive",
+                Method::TwoStep | Method::Paper => "held at the initial value",
+            };
+            format!("{text} is unobservable{circumstance}: {what}.")
         })
         .collect()
 }

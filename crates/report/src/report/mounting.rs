@@ -230,7 +230,8 @@ pub fn tables(calibrations: &Calibrations) -> String {
         out.push_str(" The error is value minus truth. ‡ marks errors beyond 1.96 σ; one in twenty is expected.");
     }
     if is_any_open {
-        out.push_str(" Unobservable parameters are held at their initial values.");
+        out.push_str(" Two steps hold unobservable parameters at their initial values; in the joint adjustment these are \
+             observations like others.");
     }
     out.push_str(" Table I of the paper.</p>\n");
     out + &html::details(

@@ -422,7 +422,6 @@ impl Case {
             association,
             Groups::new(input),
             &state,
-            Some(Vec::new()),
             self.surface_m,
         );
         (problem, state)
