@@ -22,7 +22,7 @@ use crate::judgement;
 use crate::number;
 use crate::progress::Progress;
 use crate::project::{Motion, Project};
-use crate::statistics::chi_square as chi_square_of;
+use crate::statistics::chi_square;
 
 /// A scanner is late if the scans show a latency of more than this many standard deviations and of more than
 /// `LEAST_LATENCY_S`, seconds.
@@ -173,8 +173,8 @@ fn beyond_initial_values(
         };
         let (turn, shift) = from(initial);
         let [shift_m, turn_rad] = INITIAL_SIGMA;
-        let chi_square = (shift / shift_m).norm_squared() + (turn / turn_rad).norm_squared();
-        let is_beyond = chi_square > chi_square_of(6.0, INITIAL_Z);
+        let squares = (shift / shift_m).norm_squared() + (turn / turn_rad).norm_squared();
+        let is_beyond = squares > chi_square(6.0, INITIAL_Z);
         (is_beyond && Reach::ROUGH.is_exceeded(&from(two_steps))).then(|| {
             format!(
                 "it ends {} and {:.1}° away from the initial value of `{}`, farther than initial values are off",

@@ -83,15 +83,7 @@ impl Observability {
                 let coordinates = DVector::from_fn(scale.len(), |row, _| {
                     scale[row] * eigen.eigenvectors[(row, i)]
                 });
-                let direction = (basis * coordinates).normalize();
-                let parameters = affected_parameters(&direction, mountings, None);
-                let description = describe(&direction, &parameters, mountings);
-                UnobservableDirection {
-                    direction,
-                    share: share(i),
-                    description,
-                    parameters,
-                }
+                UnobservableDirection::of(&(basis * coordinates), mountings, share(i))
             })
             .collect();
         Self {
@@ -139,12 +131,12 @@ impl Observability {
 }
 
 impl UnobservableDirection {
-    /// A direction (δp, δφ) of all mountings, of which initial values say more than the drives.
-    pub(crate) fn of(direction: &DVector<f64>, mountings: &[Mounting]) -> Self {
+    /// A direction (δp, δφ) of all mountings along which this share of the information remains.
+    pub(crate) fn of(direction: &DVector<f64>, mountings: &[Mounting], share: f64) -> Self {
         let direction = direction.normalize();
         let parameters = affected_parameters(&direction, mountings, None);
         Self {
-            share: 0.0,
+            share,
             description: describe(&direction, &parameters, mountings),
             parameters,
             direction,

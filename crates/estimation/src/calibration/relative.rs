@@ -268,7 +268,7 @@ mod tests {
                 8 => heights[1],
                 _ => 0.0,
             });
-            let held = UnobservableDirection::of(&direction, &calibration.mountings);
+            let held = UnobservableDirection::of(&direction, &calibration.mountings, 0.0);
             calibration.observability.unobservable = vec![held];
             calibration.relative().remove(0).sigma
         };

@@ -42,14 +42,6 @@ impl Reach {
         turn_rad: 0.35,
     };
 
-    /// So many times this distance.
-    pub fn times(&self, factor: f64) -> Self {
-        Self {
-            shift_m: factor * self.shift_m,
-            turn_rad: factor * self.turn_rad,
-        }
-    }
-
     /// Whether a perturbation of a mounting is larger than this: a rotation vector (radians) or a shift (metres).
     pub fn is_exceeded(&self, (turn, shift): &(Vec3, Vec3)) -> bool {
         shift.norm() > self.shift_m || turn.norm() > self.turn_rad
@@ -63,13 +55,13 @@ impl Reach {
 
 /// Standard deviation of initial values along any direction, metres: a quarter of their largest error. Rotations are
 /// converted by [`LEVER_M`](super::observability::LEVER_M).
-pub(crate) const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
+pub(super) const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
+/// Standard deviation of initial rotations about an axis, radians: a quarter of their largest error.
+pub(super) const INITIAL_SIGMA_RAD: f64 = 0.25 * Reach::ROUGH.turn_rad;
 /// Standard deviations of the initial position (metres) and rotation (radians) of a mounting along and about each axis,
 /// as observations of a joint adjustment: half of their largest errors, since all scanners may share one, as that of the
 /// measured position of the IMU.
 pub const INITIAL_SIGMA: [f64; 2] = [0.5 * Reach::ROUGH.shift_m, 0.5 * Reach::ROUGH.turn_rad];
-/// Standard deviation of initial rotations about an axis, radians: a quarter of their largest error.
-pub(super) const INITIAL_SIGMA_RAD: f64 = 0.25 * Reach::ROUGH.turn_rad;
 
 /// Settings of the calibration.
 #[derive(Debug, Clone, PartialEq)]

@@ -31,7 +31,7 @@ pub struct JointDrive<'a> {
 pub struct JointInput<'a> {
     /// Start values of the mountings, one per scanner.
     pub mountings: Vec<Mounting>,
-    /// Initial values of the mountings: what nothing determines is held at these.
+    /// Initial values of the mountings: observations of these, with [`INITIAL_SIGMA`](crate::calibration::INITIAL_SIGMA).
     pub initial: &'a [Mounting],
     /// Covariance (δp, δφ) of the start values of the mountings if another adjustment estimated them;
     /// `None` if they are not known.

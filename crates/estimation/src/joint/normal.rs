@@ -175,7 +175,7 @@ impl LeastSquares for JointProblem<'_> {
             self.factorise_assembled(state, &[])?;
             self.solve()?;
         }
-        self.part_of_step(state, 1.0)
+        Some(self.retracted(state, &self.step))
     }
 
     /// The larger of two squared lengths: that of the step of the blocks that couple with everything, in their

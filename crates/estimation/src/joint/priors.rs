@@ -13,7 +13,6 @@ use crate::geometry::Vec3;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
 use crate::geometry::so3::right_jacobian_inverse;
-use nalgebra::DVector;
 
 /// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
 /// the problem solvable: ten thousand surfels together must not hold the common height to less than a metre.
@@ -190,10 +189,6 @@ impl JointProblem<'_> {
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let from_start = change(&self.input.mountings, &state.mountings);
         let from_initial = change(self.input.initial, &state.mountings);
-        let along = |direction: &[f64], change: &DVector<f64>| -> f64 {
-            let terms = direction.iter().zip(change.iter());
-            terms.map(|(a, b)| a * b).sum()
-        };
         let mut add = |direction: &[f64], moved: f64, weight: f64| {
             batch.begin(self.groups.assumed, 1.0, moved * weight);
             for (scanner, block) in self.layout.mountings.iter().enumerate() {
@@ -214,17 +209,23 @@ impl JointProblem<'_> {
         for (scanner, (mounting, start)) in state.mountings.iter().zip(starts).enumerate() {
             let angles = euler_jacobian_body(mounting.convention, &mounting.body_from_scanner);
             let turned = turned_rad(start, mounting);
+            let place = 6 * scanner;
+            // Log(Exp(ε) Exp(δφ)) ≈ δφ + J_r⁻¹(δφ)ᵀ ε.
+            let turn =
+                right_jacobian_inverse(&from_initial.fixed_rows::<3>(place + 3).into_owned());
             for parameter in 0..6 {
                 let mut direction = vec![0.0; count];
-                let place = 6 * scanner;
                 direction[place + parameter] = 1.0;
-                let moved = along(&direction, &from_initial);
-                let by = by_perturbation(&DVector::from_column_slice(&direction), &from_initial);
-                add(by.as_slice(), moved, 1.0 / initial_sigma[parameter / 3]);
+                let mut by = direction.clone();
+                if parameter >= 3 {
+                    by[place + 3..place + 6].copy_from_slice(turn.column(parameter - 3).as_slice());
+                }
+                let moved = from_initial[place + parameter];
+                add(&by, moved, 1.0 / initial_sigma[parameter / 3]);
                 if !mounting.fixed[parameter] {
                     continue;
                 }
-                let mut moved = along(&direction, &from_start);
+                let mut moved = from_start[place + parameter];
                 if parameter >= 3 {
                     direction[place + parameter] = 0.0;
                     for axis in 0..3 {
@@ -237,21 +238,11 @@ impl JointProblem<'_> {
         }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
-            add(&direction, along(&direction, &from_start), 1.0);
+            let terms = direction.iter().zip(from_start.iter());
+            let moved = terms.map(|(a, b)| a * b).sum();
+            add(&direction, moved, 1.0);
         }
     }
-}
-
-/// Derivatives of `direction` · (δp, δφ), the change of mountings from others, by a further perturbation:
-/// Log(Exp(ε) Exp(δφ)) ≈ δφ + J_r⁻¹(δφ)ᵀ ε.
-fn by_perturbation(direction: &DVector<f64>, change: &DVector<f64>) -> DVector<f64> {
-    let mut by = direction.clone();
-    for place in (3..by.len()).step_by(6) {
-        let turn = right_jacobian_inverse(&change.fixed_rows::<3>(place).into_owned());
-        let part = turn * direction.fixed_rows::<3>(place);
-        by.fixed_rows_mut::<3>(place).copy_from(&part);
-    }
-    by
 }
 
 /// Change of each Euler angle, radians. The rotation vector would give it to first order only, which is

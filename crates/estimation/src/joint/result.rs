@@ -365,7 +365,7 @@ impl Joint {
     /// it started.
     pub fn calibration(&self, two_steps: &Calibration) -> Calibration {
         let undetermined = self.undetermined.iter();
-        let unobservable = undetermined.map(|d| UnobservableDirection::of(d, &self.mountings));
+        let unobservable = undetermined.map(|d| UnobservableDirection::of(d, &self.mountings, 0.0));
         Calibration {
             method: Method::Joint,
             mountings: self.mountings.clone(),
