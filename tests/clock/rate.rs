@@ -1,13 +1,15 @@
 //! The rate at which an instrument of 7 Hz is read over TCP and over a pseudo-terminal.
 
-use crate::common::instrument::{self, quick, track};
+use crate::common::instrument::{self, Run, quick, track};
 use boresight::record::geocom::TrackingSettings;
 use boresight::record::geocom::simulated::SimulatedSettings;
 
 #[test]
 #[ignore = "just acceptance"]
 fn every_distance_is_read_and_angles_in_between() {
-    let run = track(10.0, vec![], SimulatedSettings::default(), quick());
+    let run = track(10.0, vec![], SimulatedSettings::default(), quick(), |_| {
+        true
+    });
     let rate_hz = run.distances() as f64 / run.seconds;
     let angles_hz = run.angles_only() as f64 / run.seconds;
     let mut trips_ms: Vec<f64> = run
@@ -60,7 +62,8 @@ fn the_synchronous_program_gives_angles_at_the_time_of_the_distance() {
         edm_mode: None,
         ..quick()
     };
-    let run = track(2.0, vec![], SimulatedSettings::default(), settings);
+    let enough = |run: &Run| run.distances() > 8;
+    let run = track(2.0, vec![], SimulatedSettings::default(), settings, enough);
     let mut count = 0;
     for measurement in &run.measurements {
         let (Some(time_s), Some(angles)) = (measurement.instrument_time_s, measurement.angles)

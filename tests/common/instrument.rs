@@ -91,13 +91,17 @@ fn open(instrument: &TcpInstrument) -> io::Result<TcpStream> {
     Ok(link)
 }
 
-/// Tracks for some seconds of the instrument's time, reconnecting when the link ends; checks each
-/// measurement against the prism's path, and that the user's modes are restored at the end.
+/// How long a busy machine may take beyond the intended time to see what a test waits for, s.
+const PATIENCE_S: f64 = 60.0;
+
+/// Tracks for some seconds of the instrument's time and until `enough` was seen, reconnecting when the link ends;
+/// checks each measurement against the prism's path, and that the user's modes are restored at the end.
 pub fn track(
     seconds: f64,
     faults: Vec<Fault>,
     simulated: SimulatedSettings,
     settings: TrackingSettings,
+    enough: impl Fn(&Run) -> bool,
 ) -> Run {
     let (is_following, is_synchronous) = (settings.lock, settings.program == Some(10));
     let simulated = SimulatedSettings {
@@ -125,7 +129,7 @@ pub fn track(
     };
     let mut start_result: Result<()> = instrument.start();
     let began_s = now();
-    while now() < seconds {
+    while now() < seconds || (!enough(&run) && now() < seconds + PATIENCE_S) {
         let event = match start_result {
             Ok(()) => instrument.next_event(),
             Err(error) => Err(error),
@@ -153,6 +157,7 @@ pub fn track(
             }
             Err(error) => panic!("{error}"),
         }
+        run.counters = instrument.counters();
     }
     run.seconds = now() - began_s;
     instrument.stop().unwrap();

@@ -60,6 +60,7 @@ pub fn record(
     let status: Vec<Status> = field.sources.iter().map(|_| Status::default()).collect();
     let live_view = Mutex::new(LiveView::default());
     std::thread::scope(|scope| {
+        let _ending = Ending(&stop);
         let threads = field.sources.iter().zip(&status).map(|(source, status)| {
             let thread = SourceThread {
                 source,
@@ -119,6 +120,15 @@ pub fn record(
         };
         ended.and(events.add(clock, "recording", last))
     })
+}
+
+/// Stops all threads when it is dropped: also when `goes_on` panics, after which the scope would wait for them for ever.
+struct Ending<'a>(&'a AtomicBool);
+
+impl Drop for Ending<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// The watch over a recording.
