@@ -39,27 +39,33 @@ fn brute_sample(mut heights: Vec<f64>, aggregation: Aggregation) -> (f64, f64, u
     (middle, if n < 2 { f64::NAN } else { spread * spread }, n)
 }
 
-/// Distance, level of detection and the two counts at one core point with its normal.
-fn brute(
-    clouds: [&[Vec3]; 2],
+/// Heights of a cloud's points in the cylinder about a core point along its normal.
+fn brute_heights(
+    cloud: &[Vec3],
     core: &Vec3,
     normal: &Vec3,
     settings: &ComparisonSettings,
-) -> (f64, f64, [usize; 2]) {
-    let samples = clouds.map(|cloud| {
-        // In plain numbers, as vectors take minutes here without optimisation.
-        let ([a, b, c], [u, v, w]): ([f64; 3], [f64; 3]) = ((*core).into(), (*normal).into());
-        let heights = cloud.iter().filter_map(|point| {
-            let [x, y, z]: [f64; 3] = (*point).into();
-            let (dx, dy, dz) = (x - a, y - b, z - c);
-            let height = dx * u + dy * v + dz * w;
-            let (ex, ey, ez) = (dx - u * height, dy - v * height, dz - w * height);
-            let inside = ex * ex + ey * ey + ez * ez <= settings.cylinder_radius_m.powi(2)
-                && height.abs() < settings.max_distance_m.max(settings.cylinder_radius_m)
-                && (!settings.one_sided || height >= 0.0);
-            inside.then_some(height)
-        });
-        brute_sample(heights.collect(), settings.aggregation)
+) -> Vec<f64> {
+    // In plain numbers, as vectors take minutes here without optimisation.
+    let ([a, b, c], [u, v, w]): ([f64; 3], [f64; 3]) = ((*core).into(), (*normal).into());
+    let heights = cloud.iter().filter_map(|point| {
+        let [x, y, z]: [f64; 3] = (*point).into();
+        let (dx, dy, dz) = (x - a, y - b, z - c);
+        let height = dx * u + dy * v + dz * w;
+        let (ex, ey, ez) = (dx - u * height, dy - v * height, dz - w * height);
+        let inside = ex * ex + ey * ey + ez * ez <= settings.cylinder_radius_m.powi(2)
+            && height.abs() < settings.max_distance_m.max(settings.cylinder_radius_m);
+        inside.then_some(height)
+    });
+    heights.collect()
+}
+
+/// Distance, level of detection and the two counts from the heights of both clouds.
+fn brute(heights_m: &[Vec<f64>; 2], settings: &ComparisonSettings) -> (f64, f64, [usize; 2]) {
+    let samples = heights_m.each_ref().map(|heights_m| {
+        let is_seen = |height: &f64| !settings.one_sided || *height >= 0.0;
+        let seen = heights_m.iter().copied().filter(is_seen);
+        brute_sample(seen.collect(), settings.aggregation)
     });
     let [(before, v1, n1), (after, v2, n2)] = samples;
     let (a, b) = (v1 / n1 as f64, v2 / n2 as f64);
@@ -205,7 +211,7 @@ fn cases() -> Vec<Case> {
     cases
 }
 
-/// All combinations of options except the normals.
+/// All combinations of options with a cylinder, except the normals.
 fn options(base: &ComparisonSettings) -> Vec<ComparisonSettings> {
     let mut all = Vec::new();
     for aggregation in [Aggregation::Mean, Aggregation::Median] {
@@ -270,41 +276,47 @@ fn all_options_agree_with_the_definition() {
             Normals::Fixed(2.0 * UP),
             Normals::Given(&tilted),
         ];
-        for (settings, normals) in [&base, &long, &thin]
-            .into_iter()
-            .flat_map(options)
-            .flat_map(|settings| normals.map(|normals| (settings.clone(), normals)))
-        {
-            let result = m3c2(reference, other, core, normals, &settings, &Silent).unwrap();
-            for (i, (at, point)) in result.core.iter().zip(core).enumerate() {
-                let what = || format!("{name}, core point {i}, {normals:?}, {settings:?}");
-                assert_eq!(at.point, *point);
-                let normal = match normals {
-                    Normals::Fixed(_) => UP,
-                    Normals::Given(given) => given[i] / given[i].norm(),
-                    // Compared with brute force in a separate test.
-                    Normals::MostPlanar { .. } => at.normal,
-                };
-                let clouds = [&reference[..], other];
-                let (distance, lod, counts) = brute(clouds, point, &normal, &settings);
-                assert!(
-                    (at.normal - normal).norm() <= 1e-15 || normal.x.is_nan(),
-                    "{}",
-                    what()
-                );
-                let ours = [at.reference_count, at.compared_count].map(|n| n as usize);
-                assert_eq!(ours, counts, "{}", what());
-                assert!(
-                    same(at.distance_m, distance) && same(at.level_of_detection_m, lod),
-                    "{}: {} {distance}, {} {lod}",
-                    what(),
-                    at.distance_m,
-                    at.level_of_detection_m
-                );
-                compared += 1;
-                nothing += usize::from(counts[1] == 0);
-                single += usize::from(distance.is_finite() && lod.is_nan());
-                known += usize::from(lod > 0.0);
+        let cylinders = [&base, &long, &thin].into_iter();
+        for (cylinder, normals) in cylinders.flat_map(|c| normals.map(|normals| (c, normals))) {
+            // What does not depend on the options.
+            let mut expected: Vec<(Vec3, [Vec<f64>; 2])> = Vec::new();
+            for settings in options(cylinder) {
+                let result = m3c2(reference, other, core, normals, &settings, &Silent).unwrap();
+                for (i, (at, point)) in result.core.iter().zip(core).enumerate() {
+                    let what = || format!("{name}, core point {i}, {normals:?}, {settings:?}");
+                    assert_eq!(at.point, *point);
+                    if i == expected.len() {
+                        let normal = match normals {
+                            Normals::Fixed(_) => UP,
+                            Normals::Given(given) => given[i] / given[i].norm(),
+                            // Compared with brute force in a separate test.
+                            Normals::MostPlanar { .. } => at.normal,
+                        };
+                        let clouds = [&reference[..], other];
+                        let heights = |cloud| brute_heights(cloud, point, &normal, cylinder);
+                        expected.push((normal, clouds.map(heights)));
+                    }
+                    let (normal, heights_m) = &expected[i];
+                    let (distance, lod, counts) = brute(heights_m, &settings);
+                    assert!(
+                        (at.normal - normal).norm() <= 1e-15 || normal.x.is_nan(),
+                        "{}",
+                        what()
+                    );
+                    let ours = [at.reference_count, at.compared_count].map(|n| n as usize);
+                    assert_eq!(ours, counts, "{}", what());
+                    assert!(
+                        same(at.distance_m, distance) && same(at.level_of_detection_m, lod),
+                        "{}: {} {distance}, {} {lod}",
+                        what(),
+                        at.distance_m,
+                        at.level_of_detection_m
+                    );
+                    compared += 1;
+                    nothing += usize::from(counts[1] == 0);
+                    single += usize::from(distance.is_finite() && lod.is_nan());
+                    known += usize::from(lod > 0.0);
+                }
             }
         }
     }
