@@ -85,7 +85,6 @@ pub fn at_rung(
     let mut steps = Steps {
         max_iterations: settings.max_iterations,
         iterations: 0,
-        shared: None,
         progress,
     };
     let mut keyframe_steps = vec![1; input.mountings.len()];
@@ -139,7 +138,6 @@ pub fn at_rung(
             keyframe_steps = fewer.ok_or_else(|| too_large(&problem))?;
         };
         progress.advance(1);
-        problem.judge_by(steps.shared.as_ref());
         if round == Round::Fine {
             // The residuals of surfels that are not where the scans see them would look like outliers in the
             // first step.
@@ -158,14 +156,13 @@ pub fn at_rung(
             }
         }
         let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+        if round == Round::Coarse && problem.guess_noise(&state) {
+            // On ground that the surfels do not follow, scans are noisier than assumed: with too much weight they would
+            // carry mountings far away along directions that they hardly determine.
+            stop = steps.settle(&mut problem, &mut state, SCALING_SIGMAS)?;
+        }
         if may_climb && !again {
-            let mut reasons = evident(&mut problem, &state, round, progress)?;
-            if !reasons.is_empty() && round == Round::Coarse {
-                // On ground that the surfels do not follow, scans are noisier than assumed.
-                problem.guess_noise(&state);
-                steps.settle(&mut problem, &mut state, SCALING_SIGMAS)?;
-                reasons = evident(&mut problem, &state, round, progress)?;
-            }
+            let reasons = evident(&mut problem, &state, round, progress)?;
             if !reasons.is_empty() {
                 return Ok(Outcome::Contradicted(reasons));
             }

@@ -1,7 +1,5 @@
 //! The normal equations: assembled, factorised, and the step that solves them.
 
-use nalgebra::DVector;
-
 use super::bend::BENDING;
 use super::problem::JointProblem;
 use super::row::Row;
@@ -63,14 +61,12 @@ impl JointProblem<'_> {
     /// Solves for the step with the last factor and gradient; sets its squared length and the slope of the cost along it.
     fn solve(&mut self) -> Option<()> {
         let mut step = self.system.gradient().to_vec();
-        self.factor.as_ref()?.solve(&mut step, 1);
+        let factor = self.factor.as_ref()?;
+        factor.solve(&mut step, 1);
         let terms = step.iter().zip(self.system.gradient());
         let all: f64 = terms.map(|(x, g)| x * g).sum();
-        let shared = self.metric.as_ref().map_or(0.0, |metric| {
-            let first = step.len() - metric.nrows();
-            let step = DVector::from_column_slice(&step[first..]);
-            step.dot(&(metric * &step))
-        });
+        let first = self.offset(self.layout.last());
+        let shared = factor.last_squared_length(&step[first..]);
         self.decrement = shared.max(all / step.len() as f64);
         // The right-hand side is the negative gradient.
         self.slope = -all;
@@ -178,8 +174,8 @@ impl LeastSquares for JointProblem<'_> {
         Some(self.retracted(state, &self.step))
     }
 
-    /// The larger of two squared lengths: that of the step of the blocks that couple with everything, in their
-    /// standard deviations of the previous round, and the mean square over all unknowns.
+    /// The larger of two squared lengths: that of the step of the blocks that couple with everything, in their standard
+    /// deviations, and the mean square over all unknowns.
     fn decrement(&self) -> f64 {
         self.decrement
     }

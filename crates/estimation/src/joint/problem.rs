@@ -51,8 +51,6 @@ pub struct JointProblem<'a> {
     /// The last step, and the derivative of the cost along it where it begins.
     pub(super) step: Vec<f64>,
     pub(super) slope: f64,
-    /// Inverse covariance of the blocks that couple with everything, from the previous round.
-    pub(super) metric: Option<DMatrix<f64>>,
     pub(super) damping_sigma: Vec<f64>,
 }
 
@@ -98,7 +96,6 @@ impl<'a> JointProblem<'a> {
             decrement: f64::INFINITY,
             step: Vec::new(),
             slope: f64::NAN,
-            metric: None,
             damping_sigma: Vec::new(),
         };
         problem.find_depths(state);
@@ -270,12 +267,6 @@ impl<'a> JointProblem<'a> {
         visit(&batch);
     }
 
-    /// The covariance of the blocks that couple with everything, from the last factor.
-    pub fn shared_covariance(&self) -> Option<DMatrix<f64>> {
-        let count = self.unknowns() - self.offset(self.layout.last());
-        Some(self.factor.as_ref()?.last_covariance(count))
-    }
-
     /// Change of all unknowns with an upward shift of the reference by one standard deviation. The height of
     /// the reference is held, because its estimate would depend on some ten micrometres at the slopes of
     /// boards; its uncertainty still belongs in the covariance.
@@ -286,13 +277,6 @@ impl<'a> JointProblem<'a> {
         side[place] = self.settings.reference.shift_m / (HELD_SIGMA * HELD_SIGMA);
         self.factor.as_ref()?.solve(&mut side, 1);
         Some(side)
-    }
-
-    /// Measures the length of steps by this covariance of the blocks that couple with everything.
-    pub fn judge_by(&mut self, covariance: Option<&DMatrix<f64>>) {
-        let count = self.unknowns() - self.offset(self.layout.last());
-        let inverse = covariance.and_then(|c| Some(c.clone().cholesky()?.inverse()));
-        self.metric = inverse.filter(|metric| metric.nrows() == count);
     }
 
     /// The state at which the last factor was computed; `None` if it is damped, or if rows have been weighted

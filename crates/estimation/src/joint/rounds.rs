@@ -1,7 +1,5 @@
 //! The rounds of an adjustment: how points are sorted in each, and the steps until values and noise have settled.
 
-use nalgebra::DMatrix;
-
 use super::bend::{Bends, Rung};
 use super::components::{Component, components, rescale};
 use super::conclude::not_determined;
@@ -98,8 +96,6 @@ impl Round {
 pub struct Steps<'a> {
     pub max_iterations: usize,
     pub iterations: usize,
-    /// Covariance of the blocks that couple with everything, from the last estimate of the noise.
-    pub shared: Option<DMatrix<f64>>,
     pub progress: &'a dyn Progress,
 }
 
@@ -170,8 +166,6 @@ impl Steps<'_> {
             // Dense knots follow a jump, which cannot be told from their own motion.
             let slow = state.bends.as_mut().filter(|b| b.rung == Rung::SlowKnots);
             let jumped = slow.is_some_and(Bends::restart);
-            self.shared = problem.shared_covariance();
-            problem.judge_by(self.shared.as_ref());
             let change = rescale(problem, &components);
             problem.find_trust(state);
             let is_settled = change < SETTLED_SCALE

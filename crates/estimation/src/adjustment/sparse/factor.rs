@@ -9,7 +9,6 @@ use faer::sparse::linalg::cholesky::supernodal::{
     SupernodalLltRef, factorize_supernodal_numeric_llt,
 };
 use faer::{Conj, MatMut, Par, Spec};
-use nalgebra::DMatrix;
 use std::sync::Arc;
 
 /// The Cholesky factor of normal equations.
@@ -87,13 +86,14 @@ impl SparseFactor {
         }
     }
 
-    /// The covariance of the last `count` unknowns in the order of elimination, such as those that couple with nearly
-    /// everything: the inverse of M Mᵀ, where M is the last rows and columns of L.
-    pub fn last_covariance(&self, count: usize) -> DMatrix<f64> {
+    /// The squared length of a step d of the last unknowns in the order of elimination, such as those that couple with
+    /// nearly everything, in their standard deviations: |Mᵀ d|², where M is the last rows and columns of L, because M Mᵀ
+    /// is the inverse of their covariance.
+    pub fn last_squared_length(&self, step: &[f64]) -> f64 {
         let structure = &*self.structure;
-        let first = self.unknowns() - count;
-        let mut last = DMatrix::zeros(count, count);
+        let first = self.unknowns() - step.len();
         let supernodes = (0..structure.l.n_supernodes()).rev();
+        let mut sum = 0.0;
         for supernode in supernodes.take_while(|&s| structure.pivots(s).end > first) {
             let pivots = structure.pivots(supernode);
             let values = &self.values[structure.values(supernode)];
@@ -101,20 +101,19 @@ impl SparseFactor {
             let (front, front_row) = structure.front(supernode);
             for column in first.max(pivots.start)..pivots.end {
                 let values = &values[(column - pivots.start) * height..][..height];
+                let mut product = 0.0;
                 for (&position, &row) in front.iter().zip(front_row) {
                     let start = structure.start[position as usize];
                     for i in 0..structure.size(position as usize) {
                         if start + i >= column {
-                            last[(start + i - first, column - first)] = values[row as usize + i];
+                            product += values[row as usize + i] * step[start + i - first];
                         }
                     }
                 }
+                sum += product * product;
             }
         }
-        let mut inverse = DMatrix::identity(count, count);
-        let is_regular = last.solve_lower_triangular_mut(&mut inverse);
-        debug_assert!(is_regular, "pivots are positive");
-        inverse.tr_mul(&inverse)
+        sum
     }
 
     /// H⁻¹ where L has entries, in the columns of the requested blocks. Much of the work falls on the blocks that

@@ -104,12 +104,24 @@ fn step_and_covariances_are_those_of_dense_algebra() {
             .for_each(|s| compare(layout.first_surfel + s, layout.first_surfel + s));
         println!("{name}: covariances off {worst:e}");
         assert!(worst < allowed, "{name}: covariances {worst:e}");
+    });
+}
 
-        let shared = problem.shared_covariance().expect("factorised");
-        let first = place(layout.last());
-        assert_eq!(shared.nrows(), problem.unknowns() - first);
-        let off = difference(&shared, &covariance, (first, first));
-        assert!(off < allowed, "{name}: shared covariance {off:e}");
+/// The mean over all unknowns hides a mounting that moves by many standard deviations.
+#[test]
+fn the_first_step_is_as_long_as_that_of_the_mountings() {
+    each(|name, mut problem, state| {
+        let dense = Dense::new(&problem, &state);
+        let (covariance, first) = (inverse(&dense.h()), problem.offset(problem.layout.last()));
+        let step = &covariance * dense.g();
+        let shared = covariance.view_range(first.., first..).into_owned();
+        let part = step.rows_range(first..).into_owned();
+        let of_shared = part.dot(&(inverse(&shared) * &part));
+        let mean = step.dot(&dense.g()) / step.len() as f64;
+        problem.step(&state, 0.0).expect("positive definite");
+        let (length, expected) = (problem.decrement().sqrt(), of_shared.max(mean).sqrt());
+        println!("{name}: {length} of {expected} sigma");
+        assert!((length / expected - 1.0).abs() < 1e-3, "{name}: {length}");
     });
 }
 
