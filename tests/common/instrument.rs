@@ -92,10 +92,10 @@ fn open(instrument: &TcpInstrument) -> io::Result<TcpStream> {
 }
 
 /// How long a busy machine may take beyond the intended time to see what a test waits for, s.
-const PATIENCE_S: f64 = 60.0;
+pub const PATIENCE_S: f64 = 60.0;
 
 /// Tracks for some seconds of the instrument's time and until `enough` was seen, reconnecting when the link ends;
-/// checks each measurement against the prism's path, and that the user's modes are restored at the end.
+/// checks each measurement against the prism's path, that enough was seen, and that the user's modes are restored.
 pub fn track(
     seconds: f64,
     faults: Vec<Fault>,
@@ -164,6 +164,7 @@ pub fn track(
     run.counters = instrument.counters();
     assert_eq!(server.simulated().modes(), USERS, "modes are written back");
     assert!(!server.simulated().is_measuring());
+    assert!(enough(&run), "{:?}", run.counters);
     run.given = server.simulated().counts().distances;
     println!(
         "{} measurements, {} distances of {} given, {:?}",

@@ -10,8 +10,8 @@ use boresight::simulation::Extent;
 /// A share of drives that may have a false alarm.
 const ALARMS: f64 = 0.02;
 
-/// Seeds of tiny drives whose runs take seconds: with clods and plants, with a reference, with two scanners and neither.
-const TINY: [u64; 3] = [1, 4, 110];
+/// Seeds of tiny drives whose runs take seconds.
+const TINY: [u64; 3] = [1, 3, 4];
 
 #[test]
 fn tiny_drives_are_right_or_say_that_they_are_not() {

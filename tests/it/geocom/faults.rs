@@ -65,10 +65,9 @@ fn measurements_continue_after_every_fault() {
 
 fn a_lost_prism_is_locked_again() {
     let hidden = vec![Fault::between(FaultKind::LostLock, 1.5, 3.5)];
-    let run = run(6.0, hidden, |run| run.distances_after(4.3) >= 8);
+    let enough = |run: &Run| run.distances_after(4.3) >= 8 && run.angles_only() > 20;
+    let run = run(6.0, hidden, enough);
     assert_eq!((run.lost, run.relocked, run.counters.losses), (1, 1, 1));
-    assert!(run.angles_only() > 0);
-    assert!(run.distances_after(4.3) >= 8);
     assert!(run.longest_gap_s(1.5, 6.0) > 2.0);
 }
 
@@ -77,7 +76,6 @@ fn a_busy_instrument_is_asked_again() {
     let all = Fault::between(FaultKind::Busy, 1.5, 2.2);
     let enough = |run: &Run| run.counters.busy > 20 && run.distances() >= 12;
     let run = run(4.0, vec![busy, all], enough);
-    assert!(enough(&run), "{:?}", run.counters);
     assert_eq!(
         run.counters.garbled + run.counters.late + run.counters.wrong_checksums,
         0
@@ -103,7 +101,6 @@ fn a_request_is_repeated_after_a_wrong_checksum() {
             settings,
             enough,
         );
-        assert!(enough(&run), "{:?}", run.counters);
         assert!(run.notes.is_empty());
     }
 }
@@ -114,15 +111,13 @@ fn late_replies_are_not_taken_for_later_ones() {
     let slow = Fault::between(FaultKind::Slow(Duration::from_millis(100)), 2.0, 2.5);
     let enough =
         |run: &Run| run.counters.late >= 3 && run.counters.timeouts >= 3 && run.distances() >= 10;
-    let run = run(5.0, vec![late, slow], enough);
-    assert!(enough(&run), "{:?}", run.counters);
+    run(5.0, vec![late, slow], enough);
 }
 
 fn a_request_is_repeated_after_a_missing_reply() {
     let silent = vec![Fault::between(FaultKind::Silent, 1.0, EVER).every(20)];
     let enough = |run: &Run| run.counters.timeouts >= 3 && run.distances() >= 10;
     let run = run(5.0, silent, enough);
-    assert!(enough(&run), "{:?}", run.counters);
     assert_eq!(run.broken_links, 0);
 }
 
@@ -134,7 +129,6 @@ fn a_silent_instrument_is_an_error_and_is_used_again_later() {
         "{:?}",
         run.counters
     );
-    assert!(run.distances_after(3.5) >= 8);
 }
 
 fn garbage_is_counted_and_skipped() {
@@ -144,7 +138,6 @@ fn garbage_is_counted_and_skipped() {
         counters.garbled > 10 && counters.noise_bytes > 10 && run.distances() >= 10
     };
     let run = run(5.0, vec![garbage], enough);
-    assert!(enough(&run), "{:?}", run.counters);
     assert_eq!(run.broken_links, 0);
 }
 
@@ -153,7 +146,6 @@ fn a_pulled_cable_is_an_error_that_names_the_port() {
     let run = run(6.0, out, |run| run.distances_after(3.8) >= 10);
     assert!(run.broken_links >= 1);
     assert!(run.counters.reconnects >= 1);
-    assert!(run.distances_after(3.8) >= 10);
     assert!(run.longest_gap_s(1.5, 6.0) > 1.4);
 }
 
@@ -173,7 +165,7 @@ fn unknown_procedures_are_replaced_with_a_note() {
         let enough = |run: &Run| match ways {
             1 | 2 => run.distances() > 4,
             3 => run.measurements.iter().any(|m| m.position_m.is_some()),
-            _ => run.notes.len() == ways && !run.measurements.is_empty(),
+            _ => run.notes.len() == ways,
         };
         let run = track(1.5, vec![], simulated, quick(), enough);
         assert_eq!(run.notes.len(), ways, "{:?}", run.notes);
@@ -184,7 +176,7 @@ fn unknown_procedures_are_replaced_with_a_note() {
         );
         let has_position = run.measurements.iter().any(|m| m.position_m.is_some());
         assert_eq!(has_position, ways == 3, "{ways}");
-        assert_eq!(run.distances() > 0, ways < 3, "{ways}");
+        assert_eq!(run.distances() > 4, ways < 3, "{ways}");
         assert!(run.measurements.iter().all(|m| m.angles.is_some()));
     }
 }
@@ -202,7 +194,7 @@ fn an_instrument_without_lock_and_prism_types_can_be_used() {
         ..quick()
     };
     let enough = |run: &Run| run.measurements.len() > 10;
-    assert!(enough(&track(1.0, vec![], simulated, settings, enough)));
+    track(1.0, vec![], simulated, settings, enough);
 }
 
 fn an_instrument_without_checksums_can_be_used() {
@@ -216,7 +208,6 @@ fn an_instrument_without_checksums_can_be_used() {
     };
     let run = track(1.5, vec![], simulated, settings, |run| run.distances() >= 5);
     assert!(run.notes[0].contains("no checksums"), "{:?}", run.notes);
-    assert!(run.distances() >= 5);
 }
 
 fn repeated_distances_count_once() {
@@ -226,8 +217,8 @@ fn repeated_distances_count_once() {
     };
     let enough = |run: &Run| run.counters.repeated_distances > 20;
     let run = track(3.0, vec![], simulated, quick(), enough);
-    assert!(enough(&run), "{:?}", run.counters);
-    assert!(run.distances() as u64 <= run.given);
+    // Seven a second: 21 in three seconds.
+    assert!(run.distances() as f64 <= (7.0 * run.seconds).ceil());
     let mut times: Vec<_> = run
         .measurements
         .iter()
@@ -283,7 +274,7 @@ fn tracking_continues_after_someone_stopped_it_at_the_instrument() {
     let (begin, mut events) = (Instant::now(), vec![]);
     let mut distances = 0;
     while begin.elapsed() < Duration::from_secs(3)
-        || (distances <= 10 && begin.elapsed() < Duration::from_secs(60))
+        || (distances <= 10 && begin.elapsed().as_secs_f64() < instrument::PATIENCE_S)
     {
         match instrument.next_event().unwrap() {
             Event::Measured(m) => distances += u64::from(m.distance_m.is_some()),
@@ -301,7 +292,6 @@ fn a_prism_that_is_hidden_at_the_start_is_found_later() {
     let hidden = vec![Fault::between(FaultKind::LostLock, 0.0, 1.5)];
     let run = run(4.0, hidden, |run| run.distances() > 8);
     assert_eq!((run.lost, run.relocked), (1, 1));
-    assert!(run.distances() > 8);
 }
 
 fn a_prism_outside_the_search_window_is_found_only_by_power_search() {
@@ -352,6 +342,5 @@ fn measurements_continue_after_all_faults_at_once() {
         at(FaultKind::LostLock, 4.5, 5.5),
     ];
     let run = run(9.0, all, |run| run.distances_after(6.5) >= 5);
-    assert!(run.distances_after(6.5) >= 5);
     assert!(run.counters.losses >= 1 && run.broken_links >= 1);
 }

@@ -159,7 +159,7 @@ pub fn at_rung(
         if round == Round::Coarse && problem.guess_noise(&state) {
             // On ground that the surfels do not follow, scans are noisier than assumed: with too much weight they would
             // carry mountings far away along directions that they hardly determine.
-            stop = steps.settle(&mut problem, &mut state, SCALING_SIGMAS)?;
+            steps.settle(&mut problem, &mut state, SCALING_SIGMAS)?;
         }
         if may_climb && !again {
             let reasons = evident(&mut problem, &state, round, progress)?;

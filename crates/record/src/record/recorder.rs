@@ -60,7 +60,6 @@ pub fn record(
     let status: Vec<Status> = field.sources.iter().map(|_| Status::default()).collect();
     let live_view = Mutex::new(LiveView::default());
     std::thread::scope(|scope| {
-        let _ending = Ending(&stop);
         let threads = field.sources.iter().zip(&status).map(|(source, status)| {
             let thread = SourceThread {
                 source,
@@ -100,9 +99,10 @@ pub fn record(
             live: has_project.then_some(&live_view),
             stop: &stop,
         };
-        let watched = watch.run(&mut clock_log, &mut goes_on);
-        stop.store(true, Ordering::Relaxed);
-        let mut ended = watched;
+        let mut ended = {
+            let _ending = Ending(&stop);
+            watch.run(&mut clock_log, &mut goes_on)
+        };
         for thread in threads {
             let result = thread.join().unwrap_or_else(|_| {
                 Err(Error::data(
@@ -122,7 +122,7 @@ pub fn record(
     })
 }
 
-/// Stops all threads when it is dropped: also when `goes_on` panics, after which the scope would wait for them for ever.
+/// Stops all threads when the watch ends: also when `goes_on` panics, after which the scope would wait for them for ever.
 struct Ending<'a>(&'a AtomicBool);
 
 impl Drop for Ending<'_> {
