@@ -31,6 +31,7 @@ mod row;
 mod scan;
 mod score;
 mod settings;
+mod slopes;
 mod state;
 mod surfel;
 #[cfg(test)]

@@ -12,4 +12,5 @@ mod known;
 mod pose_errors;
 mod reference;
 mod relief;
+mod slopes;
 mod whole;

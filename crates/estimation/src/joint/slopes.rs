@@ -1,0 +1,162 @@
+//! What noise of the surfels' slopes pretends to know of the mountings.
+//!
+//! The slopes (b, c) of a surfel are estimated from the same noisy rows. Along a direction in which points slide over
+//! the ground, the derivatives of rows, −b ∂ū/∂x − c ∂v̄/∂x, differ from zero by this noise alone: the normal matrix then
+//! holds the squares of noise, which say nothing about the mounting (errors in variables).
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use super::priors::SURFEL_SIGMA;
+use super::problem::JointProblem;
+use super::state::State;
+use crate::calibration::INITIAL_SIGMA;
+use crate::geometry::{Mat3, Vec3};
+
+/// A row of a surfel, of scans or of the reference.
+struct SurfelRow {
+    surfel: usize,
+    weight: f64,
+    /// Derivatives by (a, b, c).
+    by_shape: Vec3,
+    /// Derivatives along changes of all unknowns but the surfel's.
+    along: DVector<f64>,
+}
+
+impl JointProblem<'_> {
+    /// Changes of all unknowns whose squares the covariance lacks because slopes are noisy.
+    ///
+    /// With the covariance L Lᵀ of the mountings (δφ, δp), everything else follows a change L y of them as it fits best.
+    /// The normal equations then hold the information I about y. Of it N = Q diag(μ) Qᵀ is noise
+    /// ([`Self::noise_of_slopes`]), which does not hold the mountings, but moves them: with the information 1 − μ and a
+    /// gradient of variance 1, the variance is 1/(1 − μ)² times that of the normal equations (Fuller 1987, Measurement
+    /// Error Models, section 1.3). Along each direction it is at most that of the initial values.
+    pub fn sides_of_slopes(&self, state: &State, covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+        let (Some(factor), Some(cholesky)) = (self.factor(), covariance.clone().cholesky()) else {
+            return Vec::new();
+        };
+        let l = cholesky.l();
+        let size = l.nrows();
+        let Some(whitened) = l.tr_solve_lower_triangular(&DMatrix::identity(size, size)) else {
+            return Vec::new();
+        };
+        let changes = whitened.column_iter().map(|column| {
+            let mut change = vec![0.0; self.unknowns()];
+            let parts = column.as_slice().chunks_exact(6);
+            for (part, &block) in parts.zip(&self.layout.mountings) {
+                change[self.offset(block)..][..6].copy_from_slice(part);
+            }
+            factor.solve(&mut change, 1);
+            change
+        });
+        let changes: Vec<Vec<f64>> = changes.collect();
+        let eigen = SymmetricEigen::new(self.noise_of_slopes(state, &changes));
+        let [shift_m, turn_rad] = INITIAL_SIGMA;
+        let sigmas = [[turn_rad; 3], [shift_m; 3]].concat();
+        let directions = eigen.eigenvectors.column_iter();
+        let sides = eigen
+            .eigenvalues
+            .iter()
+            .zip(directions)
+            .filter_map(|(share, q)| {
+                let along = &l * q;
+                let initial = along.iter().zip(sigmas.iter().cycle());
+                let initial: f64 = initial.map(|(x, sigma)| (x / sigma).powi(2)).sum();
+                let left = (1.0 - share).max(initial.sqrt());
+                let lacking = left.powi(-2) - 1.0;
+                (lacking > 0.0).then(|| {
+                    let mut side = vec![0.0; self.unknowns()];
+                    for (change, by) in changes.iter().zip(&q) {
+                        let by = by * lacking.sqrt();
+                        side.iter_mut().zip(change).for_each(|(x, c)| *x += by * c);
+                    }
+                    side
+                })
+            });
+        sides.collect()
+    }
+
+    /// The expectation of what noise of slopes adds to the normal matrix along these changes of all unknowns: the sum over
+    /// surfels of Σ E_st D_sᵀ (1 − A C Aᵀ) D_t over both slopes s and t, with the derivatives A of rows by (a, b, c), C =
+    /// (AᵀA + P)⁻¹ with what is assumed about them, the covariance E = C AᵀA C of their noise, and the derivatives D_s of
+    /// the rows along the changes, differentiated by s.
+    pub(super) fn noise_of_slopes(&self, state: &State, changes: &[Vec<f64>]) -> DMatrix<f64> {
+        let rows = self.rows_of_surfels(state, changes);
+        // Derivatives are linear in the slopes.
+        let by_slopes = [Vec3::y(), Vec3::z()].map(|slope| {
+            let mut sloped = state.clone();
+            sloped.shapes.iter_mut().for_each(|shape| *shape += slope);
+            let sloped = self.rows_of_surfels(&sloped, changes).into_iter();
+            let by_slope = sloped
+                .zip(&rows)
+                .map(|(sloped, row)| sloped.along - &row.along);
+            by_slope.collect::<Vec<_>>()
+        });
+        let mut order: Vec<usize> = (0..rows.len()).collect();
+        order.sort_by_key(|&row| rows[row].surfel);
+        let count = changes.len();
+        let mut noise = DMatrix::zeros(count, count);
+        for of_surfel in order.chunk_by(|&a, &b| rows[a].surfel == rows[b].surfel) {
+            let squares = of_surfel.iter().map(|&row| {
+                let by = rows[row].by_shape;
+                rows[row].weight * by * by.transpose()
+            });
+            let squares: Mat3 = squares.sum();
+            let surfel = &self.association.surfels[rows[of_surfel[0]].surfel];
+            let assumed = match surfel.prior {
+                None => Vec3::from(SURFEL_SIGMA).map(|sigma| sigma.powi(-2)),
+                Some(_) => Vec3::zeros(),
+            };
+            let Some(c) = (squares + Mat3::from_diagonal(&assumed)).try_inverse() else {
+                continue;
+            };
+            let e = (c * squares * c).fixed_view::<2, 2>(1, 1).into_owned();
+            let Some(e) = e.cholesky() else {
+                continue;
+            };
+            for of_noise in e.l().column_iter() {
+                let mut mixed = DMatrix::zeros(count, 3);
+                for &row in of_surfel {
+                    let weight = rows[row].weight;
+                    let d = &by_slopes[0][row] * of_noise[0] + &by_slopes[1][row] * of_noise[1];
+                    noise.ger(weight, &d, &d, 1.0);
+                    mixed.ger(weight, &d, &rows[row].by_shape, 1.0);
+                }
+                noise -= &mixed * c * mixed.transpose();
+            }
+        }
+        noise
+    }
+
+    /// The rows that touch a surfel, but for what is assumed about it.
+    fn rows_of_surfels(&self, state: &State, changes: &[Vec<f64>]) -> Vec<SurfelRow> {
+        let surfels = self.layout.first_surfel..self.layout.first_patch;
+        let mut rows = Vec::new();
+        self.visit(state, |batch| {
+            for row in batch.rows().filter(|row| row.group != self.groups.assumed) {
+                let (mut along, mut of_surfel) = (DVector::zeros(changes.len()), None);
+                let mut by = row.by;
+                for &block in row.blocks {
+                    let block = block as usize;
+                    let (of_block, rest) = by.split_at(self.layout.sizes[block]);
+                    by = rest;
+                    if surfels.contains(&block) {
+                        of_surfel =
+                            Some((block - surfels.start, Vec3::from_column_slice(of_block)));
+                        continue;
+                    }
+                    for (along, change) in along.iter_mut().zip(changes) {
+                        let change = &change[self.offset(block)..][..of_block.len()];
+                        *along += of_block.iter().zip(change).map(|(a, b)| a * b).sum::<f64>();
+                    }
+                }
+                rows.extend(of_surfel.map(|(surfel, by_shape)| SurfelRow {
+                    surfel,
+                    weight: row.weight,
+                    by_shape,
+                    along,
+                }));
+            }
+        });
+        rows
+    }
+}
