@@ -38,16 +38,8 @@ pub fn conclude(
     let layout = &problem.layout;
     let surfels = layout.first_surfel..layout.first_patch + state.patches.len();
     let inverse = factor.selected_inverse(|block| !surfels.contains(&block));
-    let count = state.mountings.len();
-    let mut known = DMatrix::zeros(6 * count, 6 * count);
-    for (i, &a) in layout.mountings.iter().enumerate() {
-        for (j, &b) in layout.mountings.iter().enumerate() {
-            let part = inverse.block(a, b).ok_or_else(not_determined)?;
-            known.view_mut((6 * i, 6 * j), (6, 6)).copy_from(&part);
-        }
-    }
     let mut sides: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
-    sides.extend(problem.sides_of_slopes(factored, &known));
+    sides.extend(problem.sides_of_slopes(factored));
     // Including the contributions of the reference's height and of noise of slopes.
     let block = |a: usize, b: usize| {
         let mut part = inverse.block(a, b)?;
@@ -60,6 +52,7 @@ pub fn conclude(
         }
         Some(part)
     };
+    let count = state.mountings.len();
     let mut covariance = DMatrix::zeros(6 * count, 6 * count);
     // The unknowns are (δφ, δp), the covariance is given over (δp, δφ).
     let swapped = |i: usize| (i + 3) % 6;

@@ -30,48 +30,40 @@ impl JointProblem<'_> {
     /// ([`Self::noise_of_slopes`]), which does not hold the mountings, but moves them: with the information 1 − μ and a
     /// gradient of variance 1, the variance is 1/(1 − μ)² times that of the normal equations (Fuller 1987, Measurement
     /// Error Models, section 1.3). Along each direction it is at most that of the initial values.
-    pub fn sides_of_slopes(&self, state: &State, covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
-        let (Some(factor), Some(cholesky)) = (self.factor(), covariance.clone().cholesky()) else {
+    pub fn sides_of_slopes(&self, state: &State) -> Vec<Vec<f64>> {
+        let Some(factor) = self.factor() else {
             return Vec::new();
         };
-        let l = cholesky.l();
-        let size = l.nrows();
+        // The mountings are the last unknowns.
+        let (first, size) = (
+            self.offset(self.layout.mountings[0]),
+            6 * state.mountings.len(),
+        );
+        let mut changes = DMatrix::zeros(self.unknowns(), size);
+        changes.rows_mut(first, size).fill_with_identity();
+        factor.solve(changes.as_mut_slice(), size);
+        let Some(covariance) = changes.rows(first, size).into_owned().cholesky() else {
+            return Vec::new();
+        };
+        let l = covariance.l();
         let Some(whitened) = l.tr_solve_lower_triangular(&DMatrix::identity(size, size)) else {
             return Vec::new();
         };
-        let changes = whitened.column_iter().map(|column| {
-            let mut change = vec![0.0; self.unknowns()];
-            let parts = column.as_slice().chunks_exact(6);
-            for (part, &block) in parts.zip(&self.layout.mountings) {
-                change[self.offset(block)..][..6].copy_from_slice(part);
-            }
-            factor.solve(&mut change, 1);
-            change
-        });
-        let changes: Vec<Vec<f64>> = changes.collect();
+        let changes = changes * whitened;
         let eigen = SymmetricEigen::new(self.noise_of_slopes(state, &changes));
         let [shift_m, turn_rad] = INITIAL_SIGMA;
         let sigmas = [[turn_rad; 3], [shift_m; 3]].concat();
         let directions = eigen.eigenvectors.column_iter();
-        let sides = eigen
-            .eigenvalues
-            .iter()
-            .zip(directions)
-            .filter_map(|(share, q)| {
-                let along = &l * q;
-                let initial = along.iter().zip(sigmas.iter().cycle());
-                let initial: f64 = initial.map(|(x, sigma)| (x / sigma).powi(2)).sum();
-                let left = (1.0 - share).max(initial.sqrt());
-                let lacking = left.powi(-2) - 1.0;
-                (lacking > 0.0).then(|| {
-                    let mut side = vec![0.0; self.unknowns()];
-                    for (change, by) in changes.iter().zip(&q) {
-                        let by = by * lacking.sqrt();
-                        side.iter_mut().zip(change).for_each(|(x, c)| *x += by * c);
-                    }
-                    side
-                })
-            });
+        let shares = eigen.eigenvalues.iter().zip(directions);
+        let sides = shares.filter_map(|(share, q)| {
+            let along = &l * q;
+            let initial = along.iter().zip(sigmas.iter().cycle());
+            let initial: f64 = initial.map(|(x, sigma)| (x / sigma).powi(2)).sum();
+            let left = (1.0 - share).max(initial.sqrt());
+            let lacking = left.powi(-2) - 1.0;
+            let side = || (&changes * (q * lacking.sqrt())).as_slice().to_vec();
+            (lacking > 0.0).then(side)
+        });
         sides.collect()
     }
 
@@ -79,7 +71,7 @@ impl JointProblem<'_> {
     /// surfels of Σ E_st D_sᵀ (1 − A C Aᵀ) D_t over both slopes s and t, with the derivatives A of rows by (a, b, c), C =
     /// (AᵀA + P)⁻¹ with what is assumed about them, the covariance E = C AᵀA C of their noise, and the derivatives D_s of
     /// the rows along the changes, differentiated by s.
-    pub(super) fn noise_of_slopes(&self, state: &State, changes: &[Vec<f64>]) -> DMatrix<f64> {
+    pub(super) fn noise_of_slopes(&self, state: &State, changes: &DMatrix<f64>) -> DMatrix<f64> {
         let rows = self.rows_of_surfels(state, changes);
         // Derivatives are linear in the slopes.
         let by_slopes = [Vec3::y(), Vec3::z()].map(|slope| {
@@ -93,7 +85,7 @@ impl JointProblem<'_> {
         });
         let mut order: Vec<usize> = (0..rows.len()).collect();
         order.sort_by_key(|&row| rows[row].surfel);
-        let count = changes.len();
+        let count = changes.ncols();
         let mut noise = DMatrix::zeros(count, count);
         for of_surfel in order.chunk_by(|&a, &b| rows[a].surfel == rows[b].surfel) {
             let squares = of_surfel.iter().map(|&row| {
@@ -128,28 +120,29 @@ impl JointProblem<'_> {
     }
 
     /// The rows that touch a surfel, but for what is assumed about it.
-    fn rows_of_surfels(&self, state: &State, changes: &[Vec<f64>]) -> Vec<SurfelRow> {
-        let surfels = self.layout.first_surfel..self.layout.first_patch;
-        let mut rows = Vec::new();
+    fn rows_of_surfels(&self, state: &State, changes: &DMatrix<f64>) -> Vec<SurfelRow> {
+        let first = self.offset(self.layout.first_surfel);
+        let surfels = first..first + 3 * self.association.surfels.len();
+        let (mut rows, mut places) = (Vec::new(), Vec::new());
         self.visit(state, |batch| {
             for row in batch.rows().filter(|row| row.group != self.groups.assumed) {
-                let (mut along, mut of_surfel) = (DVector::zeros(changes.len()), None);
-                let mut by = row.by;
-                for &block in row.blocks {
-                    let block = block as usize;
-                    let (of_block, rest) = by.split_at(self.layout.sizes[block]);
-                    by = rest;
-                    if surfels.contains(&block) {
-                        of_surfel =
-                            Some((block - surfels.start, Vec3::from_column_slice(of_block)));
-                        continue;
-                    }
-                    for (along, change) in along.iter_mut().zip(changes) {
-                        let change = &change[self.offset(block)..][..of_block.len()];
-                        *along += of_block.iter().zip(change).map(|(a, b)| a * b).sum::<f64>();
+                let mut surfel = None;
+                let mut by_shape = Vec3::zeros();
+                let mut along = DVector::zeros(changes.ncols());
+                self.places(&row, &mut places);
+                for (&place, &by) in places.iter().zip(row.by) {
+                    if surfels.contains(&place) {
+                        surfel = Some((place - first) / 3);
+                        by_shape[(place - first) % 3] = by;
+                    } else {
+                        let changes = changes.row(place);
+                        along
+                            .iter_mut()
+                            .zip(&changes)
+                            .for_each(|(x, c)| *x += by * c);
                     }
                 }
-                rows.extend(of_surfel.map(|(surfel, by_shape)| SurfelRow {
+                rows.extend(surfel.map(|surfel| SurfelRow {
                     surfel,
                     weight: row.weight,
                     by_shape,

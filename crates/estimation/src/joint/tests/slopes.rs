@@ -83,10 +83,6 @@ fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
             let [_, down] = at(&|surfel| step(surfel).map(|x| -x));
             expected += (up + down) * 0.5 - &here;
         }
-        let changes: Vec<Vec<f64>> = changes
-            .column_iter()
-            .map(|c| c.as_slice().to_vec())
-            .collect();
         let computed = problem.noise_of_slopes(&state, &changes);
         let off = (computed - &expected).amax() / expected.amax();
         // Differences of larger sums lose digits, and so does the inverse where a strip of points hardly holds a slope.
@@ -116,7 +112,7 @@ fn variances(factor: f64) -> (f64, f64) {
     let covariance = inverse(&Dense::new(&problem, &state).h());
     let covariance = covariance.view((first, first), (size, size)).into_owned();
     let mut with_noise = covariance.clone();
-    for side in problem.sides_of_slopes(&state, &covariance) {
+    for side in problem.sides_of_slopes(&state) {
         let side = DVector::from_column_slice(&side[first..]);
         with_noise += &side * side.transpose();
     }
