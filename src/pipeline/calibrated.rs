@@ -7,7 +7,7 @@ use super::keys::Keys;
 use super::rig::Rig;
 use super::start::{self, Start};
 use super::{drives, joint, mounting, page, result, stages};
-use crate::calibration::{Calibration, Method, Minimum, Variant};
+use crate::calibration::{Calibration, Method, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
 use crate::error::Result;
@@ -79,14 +79,9 @@ impl<'a> Calibrated<'a> {
         })?;
         // On badly misplaced scans, the joint adjustment would take minutes before it refuses them.
         let mut verdicts = poses.preflight.iter().chain(&start.verdicts);
-        let minimum = two_steps.minimum.as_ref();
-        let hindrance = if verdicts.any(|verdict| verdict.severity == Severity::Fault) {
-            Some("the logs or scans have a fault (see the first verdict)")
-        } else if minimum.is_some_and(Minimum::is_doubtful) {
-            Some("the calibration in two steps has another minimum that fits as well")
-        } else {
-            None
-        };
+        let hindrance = verdicts
+            .any(|verdict| verdict.severity == Severity::Fault)
+            .then_some("the logs or scans have a fault (see the first verdict)");
         let joint = match (project.is_joint, hindrance) {
             (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
                 let input = joint::Drive {
@@ -96,7 +91,8 @@ impl<'a> Calibrated<'a> {
                     poses: drive.poses(progress)?,
                     samples: drive.samples(&rig, progress)?,
                 };
-                joint::report(&input, &two_steps, drive.reference(progress)?, progress)
+                let (begin, reference) = (&start.rig.mountings, drive.reference(progress)?);
+                joint::report(&input, begin, &two_steps, reference, progress)
             })?),
             (true, Some(reason)) => Some(JointReport {
                 refused: vec![reason.into()],

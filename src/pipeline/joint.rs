@@ -11,7 +11,7 @@ use super::joint_input::{input, surfel_m};
 use super::placed;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::stages;
-use crate::calibration::{Calibration, INITIAL_SIGMA, Mounting, Reach};
+use crate::calibration::{Calibration, INITIAL_SIGMA, Minimum, Mounting, Reach, change, is_within};
 use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{
@@ -32,13 +32,14 @@ const LEAST_LATENCY_S: f64 = 0.002;
 /// Initial values are farther off than this in one of a thousand mountings, standard normal distribution.
 const INITIAL_Z: f64 = 3.09;
 
-/// Adjusts the calibration drive together with those of `[[drive]]`, starting from the calibration in two steps. If the
-/// adjustment is impossible or contradicted by sensors, the report says why; this is not an error.
+/// Adjusts the calibration drive together with those of `[[drive]]`, starting from the calibration in two steps, which
+/// began at `begin`. If the adjustment is impossible or contradicted by sensors, the report says why; this is not an error.
 ///
 /// # Errors
 /// Errors of the stages on other drives; [`Error::Cancelled`].
 pub fn report(
     calibration_drive: &Drive<'_>,
+    begin: &[Mounting],
     two_steps: &Calibration,
     reference: &[Vec3],
     progress: &dyn Progress,
@@ -105,13 +106,20 @@ pub fn report(
         drives,
         reference,
     };
-    let adjusted = with_late_scanners(&mut input, calibration_drive, progress);
+    let is_ambiguous = two_steps.minimum.as_ref().is_some_and(Minimum::is_doubtful);
+    let adjusted = if is_ambiguous {
+        from_both(&mut input, begin, calibration_drive, progress)
+    } else {
+        with_late_scanners(&mut input, calibration_drive, progress)
+    };
     let is_doubtful = match &adjusted {
         Ok((joint, _)) => is_doubtful(joint) || moves_with_reference(joint),
         Err(error) => !matches!(error, Error::Cancelled),
     };
+    // What several minima explain is not blamed on the reference.
     let fits_alone = !reference.is_empty()
         && is_doubtful
+        && !is_ambiguous
         && fits_without_reference(&mut input, calibration_drive, progress)?;
     let mut report = match adjusted {
         Ok((joint, late)) => {
@@ -146,7 +154,7 @@ pub fn report(
             let samples = calibration_drive.samples;
             let reason = reason_for_two_steps(samples, cell_m, two_steps, joint);
             report.refused.extend(reason);
-        } else if !report.refused.is_empty() && !fits_alone {
+        } else if !report.refused.is_empty() && !fits_alone && !is_ambiguous {
             let drive = calibration_drive;
             report.held_out = held_out::compare(drive, two_steps, joint, input, progress)?;
         }
@@ -289,6 +297,42 @@ fn with_late_scanners(
         .iter()
         .for_each(|scanner| progress.verdict(&judgement::late_scanner(scanner).text));
     Ok((joint, named))
+}
+
+/// Adjusts from where two steps began and, if that holds, from their result, which is one of several minima: only if both
+/// end at the same mountings is it known which they are. An adjustment from the first alone that is doubtful is returned
+/// as it is.
+///
+/// # Errors
+/// Those of [`adjust`]; the two end apart ([`Problem::NotDetermined`]).
+fn from_both(
+    input: &mut JointInput<'_>,
+    begin: &[Mounting],
+    calibration_drive: &Drive<'_>,
+    progress: &dyn Progress,
+) -> Result<(Joint, Vec<LateScanner>)> {
+    progress
+        .say("two steps have several minima: adjusting from the initial values and from two steps");
+    let two_steps = std::mem::replace(&mut input.mountings, begin.to_vec());
+    let (joint, late) = with_late_scanners(input, calibration_drive, progress)?;
+    if is_doubtful(&joint) {
+        return Ok((joint, late));
+    }
+    input.mountings = two_steps;
+    let other = unless_cancelled(with_late_scanners(input, calibration_drive, progress))?;
+    let agrees = |(other, _): &(Joint, _)| {
+        let apart = change(&joint.mountings, &other.mountings);
+        !is_doubtful(other) && is_within(&apart, &joint.covariance)
+    };
+    if other.as_ref().is_some_and(agrees) {
+        return Ok((joint, late));
+    }
+    Err(Error::of(
+        Problem::NotDetermined,
+        "the calibration in two steps has another minimum that fits as well, and from there the joint adjustment does \
+         not end at the same mountings as from the initial values",
+        "drive over planes in more directions, give a reference, or start nearer",
+    ))
 }
 
 /// Adjusts the poses of a drive to its logs and scans, without a reference, with the mountings of its rig and their

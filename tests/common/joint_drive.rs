@@ -305,7 +305,7 @@ fn from_two_steps(drive: &Drive<'_>, reference: &[Vec3], begun: Instant) -> Resu
     let calibration =
         stages::calibration(project, start, settings, poses, samples, reference, &Silent)?;
     let two_seconds = begun.elapsed().as_secs_f64();
-    let report = report(drive, &calibration, reference, &Silent)?;
+    let report = report(drive, start, &calibration, reference, &Silent)?;
     let refused = report.refused;
     let joint = report.result;
     Ok(Adjusted {

@@ -35,7 +35,7 @@ use std::time::Instant;
 pub use constancy::{Block, Constancy, Correlation};
 pub use gap::Gap;
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
-pub use minimum::Minimum;
+pub use minimum::{Minimum, is_within};
 pub use observability::{Observability, UnobservableDirection};
 pub use parameters::{Mounting, PARAMETER_NAMES, change};
 pub use relative::{RelativeMounting, ScannerFromScanner, relative};
@@ -153,7 +153,7 @@ pub fn calibrate(
                         let is_apart = |end: &Vec<Mounting>| {
                             let change = change(&solved.state.mountings, end);
                             let covariance = covariance.as_ref();
-                            covariance.is_none_or(|c| !minimum::is_within(&change, c))
+                            covariance.is_none_or(|c| !is_within(&change, c))
                         };
                         minimum.alternative = end.filter(is_apart).or(minimum.alternative);
                     }

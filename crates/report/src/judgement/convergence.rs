@@ -92,6 +92,17 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
                 format!("{} {shift} and {turn_deg:.1}°", own.name)
             });
             let places: Vec<String> = places.collect();
+            if result.method == Method::Joint {
+                // It is the result only if it is the same from both starts.
+                return Some(Verdict::note(
+                    CODE,
+                    format!(
+                        "In two steps, another minimum fits as well ({}), but from the initial values and from two \
+                         steps, the joint adjustment ends at the same mountings.",
+                        places.join(", ")
+                    ),
+                ));
+            }
             Verdict::fault(
                 CODE,
                 format!(
@@ -118,4 +129,44 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
             ),
         ),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::{Minimum, Mounting, Observability};
+    use crate::verdict::Severity;
+
+    #[test]
+    fn another_minimum_is_a_fault_unless_the_joint_adjustment_ends_at_the_same_mountings() {
+        let mountings = vec![Mounting::new("left", BodyFromScanner::identity())];
+        let verdict = |method, alternative: Option<Vec<Mounting>>| {
+            let result = Calibration {
+                method,
+                mountings: mountings.clone(),
+                converged: true,
+                scales: Vec::new(),
+                covariance: None,
+                origin_sigma_m: 0.0,
+                observability: Observability {
+                    shares: Vec::new(),
+                    unobservable: Vec::new(),
+                },
+                minimum: Some(Minimum {
+                    shift_m: 0.05,
+                    turn_rad: 0.02,
+                    starts: 4,
+                    back: 3,
+                    alternative,
+                }),
+                constancy: None,
+                gap: None,
+            };
+            uniqueness(&result).unwrap().severity
+        };
+        let other = Some(mountings.clone());
+        assert_eq!(verdict(Method::TwoStep, other.clone()), Severity::Fault);
+        assert_eq!(verdict(Method::Joint, other), Severity::Note);
+        assert_eq!(verdict(Method::TwoStep, None), Severity::Note);
+    }
 }
