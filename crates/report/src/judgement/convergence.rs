@@ -93,12 +93,13 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
             });
             let places: Vec<String> = places.collect();
             if result.method == Method::Joint {
-                // It is the result only if it is the same from both starts.
-                return Some(Verdict::note(
+                // It is the result only if it is the same from both starts, which rules out a minimum of two steps but
+                // not an error that both share.
+                return Some(Verdict::care(
                     CODE,
                     format!(
-                        "In two steps, another minimum fits as well ({}), but from the initial values and from two \
-                         steps, the joint adjustment ends at the same mountings.",
+                        "In two steps, another minimum fits as well ({}). From the initial values and from two steps, the \
+                         joint adjustment ends at the same mountings: check them on another drive.",
                         places.join(", ")
                     ),
                 ));
@@ -166,7 +167,7 @@ mod tests {
         };
         let other = Some(mountings.clone());
         assert_eq!(verdict(Method::TwoStep, other.clone()), Severity::Fault);
-        assert_eq!(verdict(Method::Joint, other), Severity::Note);
+        assert_eq!(verdict(Method::Joint, other), Severity::Care);
         assert_eq!(verdict(Method::TwoStep, None), Severity::Note);
     }
 }
