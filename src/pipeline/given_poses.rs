@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::placed::on_given_poses;
-use crate::calibration::{Calibration, ScannerSample};
+use crate::calibration::{Calibration, ScannerSample, change};
 use crate::comparison::PassCells;
 use crate::geometry::BodyFromScanner;
 use crate::joint::Joint;
@@ -42,14 +42,7 @@ pub fn reason_for_two_steps(
 /// Whether the mountings of two steps lie farther from those of the adjustment than its covariance C explains: dᵀ C⁻¹ d
 /// above the 97.5 % quantile of χ². Parameters that are fixed are the same in both.
 fn contradicts(joint: &Joint, two_steps: &Calibration) -> bool {
-    let pairs = joint.mountings.iter().zip(&two_steps.mountings);
-    let differences = pairs.flat_map(|(joint, two_steps)| {
-        let (turn, shift) = two_steps
-            .body_from_scanner
-            .perturbation_from(&joint.body_from_scanner);
-        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
-    });
-    let differences: Vec<f64> = differences.collect();
+    let differences = change(&joint.mountings, &two_steps.mountings);
     let free: Vec<usize> = (0..differences.len())
         .filter(|&row| !joint.mountings[row / 6].fixed[row % 6])
         .collect();

@@ -42,7 +42,7 @@ pub enum Outcome {
     Contradicted(Vec<String>),
 }
 
-/// The points sorted into surfels with the result of two steps, where all rungs begin.
+/// The points sorted into surfels with the start values, where all rungs begin.
 pub struct Sorted {
     keyframe_steps: Vec<usize>,
     association: Association,

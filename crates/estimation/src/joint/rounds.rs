@@ -46,7 +46,7 @@ pub const DAMPING: DampingRule = DampingRule {
 /// A round sorts the points into surfels and adjusts all unknowns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Round {
-    /// Starts from the result of two steps.
+    /// Starts from the start values, such as the result of two steps.
     Coarse,
     /// Starts from the result of an adjustment; the noise is estimated.
     Fine,

@@ -92,27 +92,27 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
                 format!("{} {shift} and {turn_deg:.1}°", own.name)
             });
             let places: Vec<String> = places.collect();
+            let places = places.join(", ");
             if result.method == Method::Joint {
                 // It is the result only if it is the same from both starts, which rules out a minimum of two steps but
                 // not an error that both share.
-                return Some(Verdict::care(
+                Verdict::care(
                     CODE,
                     format!(
-                        "In two steps, another minimum fits as well ({}). From the initial values and from two steps, the \
-                         joint adjustment ends at the same mountings: check them on another drive.",
-                        places.join(", ")
+                        "In two steps, another minimum fits as well ({places}). From the initial values and from two \
+                         steps, the joint adjustment ends at the same mountings: check them on another drive."
                     ),
-                ));
+                )
+            } else {
+                Verdict::fault(
+                    CODE,
+                    format!(
+                        "Another minimum fits as well: {away}, the mountings ended elsewhere ({places}). Nothing says \
+                         which is right, and no standard deviation holds: drive over planes in more directions, \
+                         give a reference, or start nearer."
+                    ),
+                )
             }
-            Verdict::fault(
-                CODE,
-                format!(
-                    "Another minimum fits as well: {away}, the mountings ended elsewhere ({}). Nothing says \
-                     which is right, and no standard deviation holds: drive over planes in more directions, \
-                     give a reference, or start nearer.",
-                    places.join(", ")
-                ),
-            )
         }
         None if minimum.back == minimum.starts => Verdict::good(
             CODE,
