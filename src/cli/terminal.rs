@@ -62,7 +62,7 @@ impl View {
         let stages = stages.iter().map(|stage| {
             json!({
                 "name": stage.name,
-                "ran_s": stage.ran_s,
+                "began_s": stage.began_s,
                 "share": stage.share,
                 "left_s": stage.left_s,
             })

@@ -39,6 +39,8 @@ pub(super) struct Ended {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shown {
     pub name: String,
+    /// When it began: a stage that runs again is told from its earlier run by it.
+    pub began_s: f64,
     /// Time since it began, seconds.
     pub ran_s: f64,
     /// The finished share; `None` if it is unknown.
@@ -92,6 +94,7 @@ impl Tracker {
     pub fn shown(&mut self, now_s: f64) -> Vec<Shown> {
         let shown = |stage: &mut Stage| Shown {
             name: stage.name.clone(),
+            began_s: stage.began_s,
             ran_s: now_s - stage.began_s,
             share: stage.share(),
             left_s: stage.left.shown(now_s),
