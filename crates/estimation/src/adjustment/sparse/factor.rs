@@ -1,26 +1,24 @@
 //! The factor L, solutions and covariances.
 
+use super::dense::{Part, Shape, Target, add_product, cholesky};
 use super::inverse::SelectedInverse;
 use super::structure::{NotPositiveBlock, Structure};
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltError;
-use faer::sparse::SparseColMatRef;
-use faer::sparse::linalg::cholesky::supernodal::{
-    SupernodalLltRef, factorize_supernodal_numeric_llt,
-};
-use faer::{Conj, MatMut, Par, Spec};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The Cholesky factor of normal equations.
 #[derive(Debug, Clone)]
 pub struct SparseFactor {
     structure: Arc<Structure>,
-    values: Vec<f64>,
+    /// Of each supernode, column by column.
+    values: Vec<Vec<f64>>,
 }
 
 impl SparseFactor {
     pub(super) fn new(structure: Arc<Structure>) -> Self {
-        let values = vec![0.0; structure.l.len_val()];
+        let l = &structure.l;
+        let entries = |supernode| l.height(supernode) * l.pivots(supernode).len();
+        let values = (0..l.count()).map(|s| vec![0.0; entries(s)]).collect();
         Self { structure, values }
     }
 
@@ -30,37 +28,28 @@ impl SparseFactor {
 
     pub(super) fn factorise(&mut self, h: &[f64]) -> Result<(), NotPositiveBlock> {
         let structure = &*self.structure;
-        let factorised = factorize_supernodal_numeric_llt(
-            &mut self.values,
-            SparseColMatRef::new(structure.h.as_ref(), h),
-            Default::default(),
-            &structure.l,
-            Par::Seq,
-            MemStack::new(&mut MemBuffer::new(structure.scratch)),
-            Spec::default(),
-        );
-        let failed = match factorised {
-            Ok(_) => self.first_bad_pivot(),
-            Err(LltError::NonPositivePivot { index }) => Some(index),
-        };
-        match failed {
-            None => Ok(()),
-            Some(scalar) => Err(NotPositiveBlock(structure.block_of(scalar))),
+        for level in structure.l.levels() {
+            let mut panels: Vec<(usize, Vec<f64>)> = level
+                .iter()
+                .map(|&s| (s, std::mem::take(&mut self.values[s])))
+                .collect();
+            let failed = panels.par_iter_mut().map_init(
+                || Workspace::new(structure.sizes.len()),
+                |workspace, (supernode, panel)| {
+                    workspace
+                        .eliminate(structure, &self.values, h, *supernode, panel)
+                        .err()
+                },
+            );
+            let failed = failed.flatten().min();
+            for (supernode, panel) in panels {
+                self.values[supernode] = panel;
+            }
+            if let Some(scalar) = failed {
+                return Err(NotPositiveBlock(structure.block_of(scalar)));
+            }
         }
-    }
-
-    /// The first pivot, in the order of elimination, that is not positive and finite.
-    fn first_bad_pivot(&self) -> Option<usize> {
-        let structure = &*self.structure;
-        (0..structure.l.n_supernodes())
-            .flat_map(|supernode| {
-                let pivots = structure.pivots(supernode);
-                let values = &self.values[structure.values(supernode)];
-                let height = values.len() / pivots.len();
-                pivots.zip(values.iter().step_by(height + 1))
-            })
-            .find(|(_, pivot)| !(pivot.is_finite() && **pivot > 0.0))
-            .map(|(scalar, _)| scalar)
+        Ok(())
     }
 
     /// Number of scalars.
@@ -71,14 +60,10 @@ impl SparseFactor {
     /// H⁻¹ times `count` right-hand sides, one after the other.
     pub fn solve(&self, sides: &mut [f64], count: usize) {
         let mut ordered = self.ordered(sides, count);
-        let l = &self.structure.l;
-        let mut memory = MemBuffer::new(l.solve_in_place_scratch::<f64>(count, Par::Seq));
-        SupernodalLltRef::new(l, &self.values).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut ordered, self.unknowns(), count),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
+        let unknowns = self.unknowns().max(1);
+        ordered
+            .par_chunks_mut(unknowns)
+            .for_each(|side| self.solve_ordered(side));
         for (side, ordered) in self.columns_mut(sides).zip(self.columns(&ordered)) {
             for (value, &place) in side.iter_mut().zip(&self.structure.place) {
                 *value = ordered[place];
@@ -92,13 +77,13 @@ impl SparseFactor {
     pub fn last_squared_length(&self, step: &[f64]) -> f64 {
         let structure = &*self.structure;
         let first = self.unknowns() - step.len();
-        let supernodes = (0..structure.l.n_supernodes()).rev();
+        let l = &structure.l;
+        let supernodes = (0..l.count()).rev();
         let mut sum = 0.0;
-        for supernode in supernodes.take_while(|&s| structure.pivots(s).end > first) {
-            let pivots = structure.pivots(supernode);
-            let values = &self.values[structure.values(supernode)];
-            let height = values.len() / pivots.len();
-            let (front, front_row) = structure.front(supernode);
+        for supernode in supernodes.take_while(|&s| l.pivots(s).end > first) {
+            let (pivots, height) = (l.pivots(supernode), l.height(supernode));
+            let values = &self.values[supernode];
+            let (front, front_row) = l.front(supernode);
             for column in first.max(pivots.start)..pivots.end {
                 let values = &values[(column - pivots.start) * height..][..height];
                 let mut product = 0.0;
@@ -120,6 +105,49 @@ impl SparseFactor {
     /// are eliminated first, which are seldom requested.
     pub fn selected_inverse(&self, is_requested: impl Fn(usize) -> bool) -> SelectedInverse {
         SelectedInverse::new(&self.structure, &self.values, &is_requested)
+    }
+
+    /// L⁻ᵀ L⁻¹ times a right-hand side in the order of elimination.
+    fn solve_ordered(&self, side: &mut [f64]) {
+        let structure = &*self.structure;
+        let l = &structure.l;
+        let mut others = Vec::new();
+        for supernode in 0..l.count() {
+            let (pivots, height) = (l.pivots(supernode), l.height(supernode));
+            others.clear();
+            others.resize(height - pivots.len(), 0.0);
+            for (j, column) in self.values[supernode].chunks_exact(height).enumerate() {
+                let own = &mut side[pivots.start + j..pivots.end];
+                own[0] /= column[j];
+                let value = own[0];
+                let (of_own, of_others) = column.split_at(pivots.len());
+                for (sum, l) in own[1..].iter_mut().zip(&of_own[j + 1..]) {
+                    *sum -= l * value;
+                }
+                for (sum, l) in others.iter_mut().zip(of_others) {
+                    *sum += l * value;
+                }
+            }
+            for (place, row) in structure.rows_below(supernode) {
+                let (to, from) = (&mut side[place.clone()], &others[row..][..place.len()]);
+                to.iter_mut().zip(from).for_each(|(to, from)| *to -= from);
+            }
+        }
+        for supernode in (0..l.count()).rev() {
+            let (pivots, height) = (l.pivots(supernode), l.height(supernode));
+            others.clear();
+            others.resize(height - pivots.len(), 0.0);
+            for (place, row) in structure.rows_below(supernode) {
+                others[row..][..place.len()].copy_from_slice(&side[place]);
+            }
+            let columns = self.values[supernode].chunks_exact(height).enumerate();
+            for (j, column) in columns.rev() {
+                let own = &mut side[pivots.start + j..pivots.end];
+                let (of_own, of_others) = column.split_at(pivots.len());
+                let by_own = dot(&of_own[j + 1..], &own[1..]);
+                own[0] = (own[0] - by_own - dot(of_others, &others)) / column[j];
+            }
+        }
     }
 
     fn columns<'a>(&self, sides: &'a [f64]) -> std::slice::ChunksExact<'a, f64> {
@@ -144,5 +172,100 @@ impl SparseFactor {
             }
         }
         ordered
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// What the elimination of a supernode needs beside its values.
+struct Workspace {
+    /// The first row of each position of the supernode's front.
+    row_of: Vec<u32>,
+    product: Vec<f64>,
+}
+
+impl Workspace {
+    fn new(positions: usize) -> Self {
+        Self {
+            row_of: vec![0; positions],
+            product: Vec::new(),
+        }
+    }
+
+    /// Computes the values of a supernode from H and from those on which it depends.
+    ///
+    /// # Errors
+    /// The scalar whose pivot is not positive or not finite.
+    fn eliminate(
+        &mut self,
+        structure: &Structure,
+        values: &[Vec<f64>],
+        h: &[f64],
+        supernode: usize,
+        panel: &mut [f64],
+    ) -> Result<(), usize> {
+        let l = &structure.l;
+        let (pivots, height) = (l.pivots(supernode), l.height(supernode));
+        let (front, front_row) = l.front(supernode);
+        for (&position, &row) in front.iter().zip(front_row) {
+            self.row_of[position as usize] = row;
+        }
+        panel.fill(0.0);
+        for &position in front {
+            let position = position as usize;
+            if structure.start[position] >= pivots.end {
+                break;
+            }
+            let first = structure.start[position] - pivots.start;
+            let stride = structure.height(position);
+            for (row, base) in structure.coupled(position) {
+                let (to, size) = (self.row_of[row] as usize, structure.size(row));
+                for c in 0..structure.size(position) {
+                    panel[(first + c) * height + to..][..size]
+                        .copy_from_slice(&h[base + c * stride..][..size]);
+                }
+            }
+        }
+        for update in l.updates(supernode) {
+            let from = update.from as usize;
+            let (positions, rows) = l.front(from);
+            let (first, end) = (update.first as usize, update.end as usize);
+            let (from_height, inner) = (l.height(from), l.pivots(from).len());
+            let top = rows[first] as usize;
+            let (count, columns) = (from_height - top, rows[end] as usize - top);
+            let a = Part::of(&values[from][top..], from_height);
+            self.product
+                .resize(self.product.len().max(count * columns), 0.0);
+            let product = &mut self.product[..count * columns];
+            let target = Target {
+                data: product,
+                height: count,
+                rows: count,
+                columns,
+                shape: Shape::Lower,
+            };
+            add_product(0.0, target, 1.0, a, a.transpose(), inner);
+            for at in first..end {
+                let column = structure.start[positions[at] as usize] - pivots.start;
+                for c in 0..(rows[at + 1] - rows[at]) as usize {
+                    let product = &product[(rows[at] as usize - top + c) * count..][..count];
+                    let panel = &mut panel[(column + c) * height..][..height];
+                    for below in at..positions.len() {
+                        let (row, size) = (
+                            rows[below] as usize - top,
+                            (rows[below + 1] - rows[below]) as usize,
+                        );
+                        let to =
+                            &mut panel[self.row_of[positions[below] as usize] as usize..][..size];
+                        for (to, from) in to.iter_mut().zip(&product[row..]) {
+                            *to -= from;
+                        }
+                    }
+                }
+            }
+        }
+        cholesky(panel, height, 0, pivots.len()).map_err(|column| pivots.start + column)
     }
 }

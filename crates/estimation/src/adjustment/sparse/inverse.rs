@@ -1,16 +1,9 @@
 //! The entries of H⁻¹ where L has entries.
 
+use super::dense::{Part, Shape, Target, add_product, solve_from_right};
 use super::structure::Structure;
-use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{
-    self, BlockStructure::Rectangular, BlockStructure::TriangularLower,
-    BlockStructure::TriangularUpper,
-};
-use faer::linalg::triangular_inverse::invert_lower_triangular;
-use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -19,7 +12,7 @@ use std::sync::Arc;
 pub struct SelectedInverse {
     structure: Arc<Structure>,
     /// Stored like L, supernode by supernode, but with full diagonal parts.
-    values: Vec<f64>,
+    values: Vec<Vec<f64>>,
     /// Whether a supernode was computed, because it or one that depends on it was requested; the others have no
     /// values.
     is_computed: Vec<bool>,
@@ -30,55 +23,107 @@ impl SelectedInverse {
     /// supernodes of requested blocks and those on which they depend.
     pub(super) fn new(
         structure: &Arc<Structure>,
-        l: &[f64],
+        l: &[Vec<f64>],
         is_requested: &dyn Fn(usize) -> bool,
     ) -> Self {
         let mut inverse = Self {
             structure: Arc::clone(structure),
-            values: vec![0.0; l.len()],
+            values: vec![Vec::new(); l.len()],
             is_computed: needed(structure, is_requested),
         };
-        let mut separator = Vec::new();
-        let mut workspace = Vec::new();
-        let supernodes = (0..structure.l.n_supernodes()).rev();
-        let computed: Vec<usize> = supernodes.filter(|&s| inverse.is_computed[s]).collect();
-        for supernode in computed {
-            let range = structure.values(supernode);
-            let pivots = structure.pivots(supernode).len();
-            let height = range.len() / pivots;
-            let others = height - pivots;
-            separator.resize(separator.len().max(others * others), 0.0);
-            let separator = &mut separator[..others * others];
-            inverse.gather(supernode, separator);
-            workspace.resize(workspace.len().max(range.len()), 0.0);
-            invert_supernode(
-                MatRef::from_column_major_slice(&l[range.clone()], height, pivots),
-                MatRef::from_column_major_slice(separator, others, others),
-                MatMut::from_column_major_slice_mut(&mut workspace[..range.len()], height, pivots),
-                MatMut::from_column_major_slice_mut(&mut inverse.values[range], height, pivots),
-            );
+        for level in structure.l.levels().iter().rev() {
+            let computed = level.par_iter().filter(|&&s| inverse.is_computed[s]);
+            let panels = computed.map_init(Default::default, |workspace, &supernode| {
+                (
+                    supernode,
+                    inverse.supernode(supernode, &l[supernode], workspace),
+                )
+            });
+            let panels: Vec<(usize, Vec<f64>)> = panels.collect();
+            for (supernode, values) in panels {
+                inverse.values[supernode] = values;
+            }
         }
         inverse
+    }
+
+    /// The columns Z of the inverse for a supernode with the values L. With J its own unknowns, I its other rows and
+    /// Y = L_IJ L_JJ⁻¹, Z_IJ = −Z_II Y and Z_JJ = L_JJ⁻ᵀ L_JJ⁻¹ − Yᵀ Z_IJ.
+    fn supernode(
+        &self,
+        supernode: usize,
+        l: &[f64],
+        [separator, workspace]: &mut [Vec<f64>; 2],
+    ) -> Vec<f64> {
+        let of_l = &self.structure.l;
+        let (height, pivots) = (of_l.height(supernode), of_l.pivots(supernode).len());
+        let others = height - pivots;
+        separator.clear();
+        separator.resize(others * others, 0.0);
+        self.gather(supernode, separator);
+        // The identity above L_IJ becomes L_JJ⁻¹ above Y.
+        workspace.clear();
+        workspace.extend_from_slice(l);
+        for (j, column) in workspace.chunks_exact_mut(height).enumerate() {
+            column[..pivots].fill(0.0);
+            column[j] = 1.0;
+        }
+        solve_from_right(workspace, height, l, height, pivots);
+        let (l_inverse, y) = (
+            Part::of(workspace, height),
+            Part::of(&workspace[pivots..], height),
+        );
+        let (mut z, mut own) = (vec![0.0; l.len()], vec![0.0; pivots * pivots]);
+        add_product(
+            0.0,
+            lower(&mut own, pivots),
+            1.0,
+            l_inverse.transpose(),
+            l_inverse,
+            pivots,
+        );
+        if others > 0 {
+            let of_others = Target {
+                data: &mut z[pivots..],
+                height,
+                rows: others,
+                columns: pivots,
+                shape: Shape::Whole,
+            };
+            add_product(0.0, of_others, -1.0, Part::of(separator, others), y, others);
+            let z_others = Part::of(&z[pivots..], height);
+            add_product(
+                1.0,
+                lower(&mut own, pivots),
+                -1.0,
+                y.transpose(),
+                z_others,
+                others,
+            );
+        }
+        mirror(&mut own, pivots);
+        for (z, own) in z.chunks_exact_mut(height).zip(own.chunks_exact(pivots)) {
+            z[..pivots].copy_from_slice(own);
+        }
+        z
     }
 
     /// Gathers Z_II of a supernode from the supernodes that eliminate I: each of them contains the rows of I
     /// from its own pivots on.
     fn gather(&self, supernode: usize, separator: &mut [f64]) {
         let structure = &*self.structure;
-        let own_pivots = structure.pivots(supernode);
-        let (front, front_row) = structure.front(supernode);
+        let own_pivots = structure.l.pivots(supernode);
+        let (front, front_row) = structure.l.front(supernode);
         let first_other = structure.count_before(front, own_pivots.end);
         let (front, front_row) = (&front[first_other..], &front_row[first_other..]);
-        let height = structure.values(supernode).len() / own_pivots.len() - own_pivots.len();
+        let height = structure.l.height(supernode) - own_pivots.len();
         let place = |i: usize| front_row[i] as usize - own_pivots.len();
         let mut runs = Vec::new();
         let mut first = 0;
         while first < front.len() {
-            let ancestor = structure.supernode[front[first] as usize];
-            let range = structure.values(ancestor);
-            let pivots = structure.pivots(ancestor);
-            let stride = range.len() / pivots.len();
-            let values = &self.values[range];
+            let ancestor = structure.l.of(front[first] as usize);
+            let (pivots, stride) = (structure.l.pivots(ancestor), structure.l.height(ancestor));
+            let values = &self.values[ancestor];
             self.runs(ancestor, &front[first..], &mut runs);
             let end = first + structure.count_before(&front[first..], pivots.end);
             for (i, &position) in front.iter().enumerate().take(end).skip(first) {
@@ -100,7 +145,7 @@ impl SelectedInverse {
     /// The rows of an ancestor's supernode that belong to these positions, which must all be among its rows.
     fn runs(&self, ancestor: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
         let structure = &*self.structure;
-        let (there, there_row) = structure.front(ancestor);
+        let (there, there_row) = structure.l.front(ancestor);
         runs.clear();
         let mut at = 0;
         for &position in positions {
@@ -122,16 +167,14 @@ impl SelectedInverse {
         let structure = &*self.structure;
         let (p, q) = (structure.position[a], structure.position[b]);
         let (column, row) = (p.min(q), p.max(q));
-        let supernode = structure.supernode[column];
+        let supernode = structure.l.of(column);
         if !self.is_computed[supernode] {
             return None;
         }
-        let (front, front_row) = structure.front(supernode);
+        let (front, front_row) = structure.l.front(supernode);
         let at = front.binary_search(&(row as u32)).ok()?;
-        let range = structure.values(supernode);
-        let pivots = structure.pivots(supernode);
-        let height = range.len() / pivots.len();
-        let values = &self.values[range];
+        let (pivots, height) = (structure.l.pivots(supernode), structure.l.height(supernode));
+        let values = &self.values[supernode];
         let first_row = front_row[at] as usize;
         let first_column = structure.start[column] - pivots.start;
         let entry = |i: usize, j: usize| values[(first_column + j) * height + first_row + i];
@@ -144,50 +187,29 @@ impl SelectedInverse {
 
 /// Marks the supernodes of the requested blocks, and those on which they depend: the supernodes of their rows.
 fn needed(structure: &Structure, is_requested: &dyn Fn(usize) -> bool) -> Vec<bool> {
-    let mut needed = vec![false; structure.l.n_supernodes()];
+    let mut needed = vec![false; structure.l.count()];
     for (position, &block) in structure.order.iter().enumerate() {
-        needed[structure.supernode[position]] |= is_requested(block);
+        needed[structure.l.of(position)] |= is_requested(block);
     }
     for supernode in 0..needed.len() {
         if needed[supernode] {
-            let (front, _) = structure.front(supernode);
+            let (front, _) = structure.l.front(supernode);
             for &position in front {
-                needed[structure.supernode[position as usize]] = true;
+                needed[structure.l.of(position as usize)] = true;
             }
         }
     }
     needed
 }
 
-/// The columns Z of the inverse for a supernode L. With J its own unknowns, I its other rows and
-/// Y = L_IJ L_JJ⁻¹, Z_IJ = −Z_II Y and Z_JJ = L_JJ⁻ᵀ L_JJ⁻¹ − Yᵀ Z_IJ; Z_II is the `separator`.
-fn invert_supernode(
-    l: MatRef<'_, f64>,
-    separator: MatRef<'_, f64>,
-    workspace: MatMut<'_, f64>,
-    z: MatMut<'_, f64>,
-) {
-    let (seq, pivots) = (Par::Seq, l.ncols());
-    let (l_own, l_others) = l.split_at_row(pivots);
-    let (mut l_inverse, mut y) = workspace.split_at_row_mut(pivots);
-    let (mut z_own, mut z_others) = z.split_at_row_mut(pivots);
-    y.copy_from(l_others);
-    solve_upper_triangular_in_place(l_own.transpose(), y.rb_mut().transpose_mut(), seq);
-    invert_lower_triangular(l_inverse.rb_mut(), l_own, seq);
-    let (l_inverse, y) = (l_inverse.rb(), y.rb());
-    matmul(&mut z_others, Accum::Replace, separator, y, -1.0, seq);
-    let mut lower = |accum, (a, of_a), (b, of_b), factor| {
-        let whole = TriangularLower;
-        triangular::matmul(&mut z_own, whole, accum, a, of_a, b, of_b, factor, seq);
-    };
-    let inverse = (l_inverse.transpose(), TriangularUpper);
-    lower(Accum::Replace, inverse, (l_inverse, TriangularLower), 1.0);
-    let by_others = (y.transpose(), Rectangular);
-    lower(Accum::Add, by_others, (z_others.rb(), Rectangular), -1.0);
-    for j in 0..pivots {
-        for i in 0..j {
-            z_own[(i, j)] = z_own[(j, i)];
-        }
+/// The lower part of a square matrix.
+fn lower(data: &mut [f64], order: usize) -> Target<'_> {
+    Target {
+        data,
+        height: order,
+        rows: order,
+        columns: order,
+        shape: Shape::Lower,
     }
 }
 

@@ -29,7 +29,7 @@ pub struct SparseSystem {
 
 impl SparseSystem {
     pub(super) fn new(structure: Structure) -> Self {
-        let entries = structure.h.row_idx().len();
+        let entries = structure.entries();
         Self {
             h: vec![0.0; entries],
             gradient: vec![0.0; structure.unknowns()],
@@ -55,7 +55,7 @@ impl SparseSystem {
 
     /// Number of entries that L stores, zeros of merged supernodes included.
     pub fn factor_entries(&self) -> usize {
-        self.structure.l.len_val()
+        self.structure.l.entries()
     }
 
     /// Where the block H[a, b] is stored; a and b in any order.
@@ -127,15 +127,16 @@ impl SparseSystem {
         }
         let mut product = vec![0.0; x.len()];
         for position in 0..structure.order.len() {
-            let end = structure.start[position + 1];
-            for column in structure.start[position]..end {
-                let range = structure.h.col_range(column);
-                let rows = &structure.h.row_idx()[range.clone()];
-                for (&row, value) in rows.iter().zip(&self.h[range]) {
-                    let row = row as usize;
-                    product[row] += value * ordered[column];
-                    if row >= end {
-                        product[column] += value * ordered[row];
+            let height = structure.height(position);
+            for (row, base) in structure.coupled(position) {
+                for c in 0..structure.size(position) {
+                    let column = structure.start[position] + c;
+                    for i in 0..structure.size(row) {
+                        let value = self.h[base + c * height + i];
+                        product[structure.start[row] + i] += value * ordered[column];
+                        if row != position {
+                            product[column] += value * ordered[structure.start[row] + i];
+                        }
                     }
                 }
             }

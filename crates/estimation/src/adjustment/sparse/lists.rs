@@ -1,0 +1,37 @@
+//! Lists of different lengths, one after the other.
+
+use std::ops::Range;
+
+/// Lists of different lengths, one after the other.
+#[derive(Debug)]
+pub struct Lists<T> {
+    ends: Vec<usize>,
+    values: Vec<T>,
+}
+
+impl<T> Lists<T> {
+    /// Number of lists.
+    pub fn count(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub fn range(&self, i: usize) -> Range<usize> {
+        let start = if i == 0 { 0 } else { self.ends[i - 1] };
+        start..self.ends[i]
+    }
+
+    pub fn get(&self, i: usize) -> &[T] {
+        &self.values[self.range(i)]
+    }
+}
+
+impl<T> FromIterator<Vec<T>> for Lists<T> {
+    fn from_iter<I: IntoIterator<Item = Vec<T>>>(lists: I) -> Self {
+        let (mut ends, mut values) = (Vec::new(), Vec::new());
+        for list in lists {
+            values.extend(list);
+            ends.push(values.len());
+        }
+        Self { ends, values }
+    }
+}

@@ -1,0 +1,257 @@
+//! The pattern of L in supernodes: neighbouring columns with the same rows, which are stored and worked on as one dense
+//! matrix (Ng & Peyton 1993).
+
+use super::lists::Lists;
+use std::ops::Range;
+
+/// A supernode is merged with the next if L has at most so many columns in both, and this share of entries that are zero
+/// (Ashcraft & Grimes 1989, with the numbers of CHOLMOD: Chen et al. 2008).
+const RELAXED: [(usize, f64); 4] = [(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX, 0.05)];
+
+/// Rows of an earlier supernode that change a later one.
+#[derive(Debug, Clone, Copy)]
+pub struct Update {
+    /// The earlier supernode.
+    pub from: u32,
+    /// Its rows that are columns of the later one, among its positions.
+    pub first: u32,
+    pub end: u32,
+}
+
+/// The supernodes of L.
+#[derive(Debug)]
+pub struct Supernodes {
+    /// First scalar of each supernode, and the number of scalars.
+    begin: Vec<usize>,
+    /// The supernode of each position.
+    of: Vec<usize>,
+    /// Positions in the rows of each supernode, its own first.
+    front: Lists<u32>,
+    /// For each of `front`, its first row in the supernode; then the number of rows.
+    front_row: Lists<u32>,
+    /// What changes each supernode, ascending.
+    updates: Lists<Update>,
+    /// Supernodes that do not depend on each other, and only on those of earlier levels.
+    levels: Vec<Vec<usize>>,
+}
+
+impl Supernodes {
+    /// From the positions that H couples with each position, from itself on, ascending, and the first scalar of each
+    /// position, then the number of scalars.
+    pub fn new(rows: &Lists<u32>, start: &[usize]) -> Self {
+        let (ends, below) = merged(fundamental(rows), start);
+        let mut of = vec![0; start.len() - 1];
+        let mut begin = vec![0];
+        let (mut front, mut front_row) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for (supernode, (&end, below)) in ends.iter().zip(&below).enumerate() {
+            of[first..end].fill(supernode);
+            begin.push(start[end]);
+            let positions: Vec<u32> = (first as u32..end as u32)
+                .chain(below.iter().copied())
+                .collect();
+            let mut row = 0;
+            let mut rows = vec![0];
+            for &position in &positions {
+                row += start[position as usize + 1] - start[position as usize];
+                rows.push(row as u32);
+            }
+            front.push(positions);
+            front_row.push(rows);
+            first = end;
+        }
+        let updates = updates(&front, &of);
+        let levels = levels(&updates);
+        Self {
+            begin,
+            of,
+            front: front.into_iter().collect(),
+            front_row: front_row.into_iter().collect(),
+            updates: updates.into_iter().collect(),
+            levels,
+        }
+    }
+
+    /// Number of supernodes.
+    pub fn count(&self) -> usize {
+        self.begin.len() - 1
+    }
+
+    /// The scalars that a supernode eliminates.
+    pub fn pivots(&self, supernode: usize) -> Range<usize> {
+        self.begin[supernode]..self.begin[supernode + 1]
+    }
+
+    /// The supernode of a position.
+    pub fn of(&self, position: usize) -> usize {
+        self.of[position]
+    }
+
+    /// Number of rows of a supernode.
+    pub fn height(&self, supernode: usize) -> usize {
+        self.front_row
+            .get(supernode)
+            .last()
+            .map_or(0, |&rows| rows as usize)
+    }
+
+    /// Number of entries that L stores, zeros of merged supernodes included.
+    pub fn entries(&self) -> usize {
+        (0..self.count())
+            .map(|s| self.height(s) * self.pivots(s).len())
+            .sum()
+    }
+
+    /// Positions in the rows of a supernode, ascending, and their first rows in it, then the number of rows.
+    pub fn front(&self, supernode: usize) -> (&[u32], &[u32]) {
+        (self.front.get(supernode), self.front_row.get(supernode))
+    }
+
+    /// What changes a supernode.
+    pub fn updates(&self, supernode: usize) -> &[Update] {
+        self.updates.get(supernode)
+    }
+
+    /// Supernodes that do not depend on each other, and only on those of earlier levels.
+    pub fn levels(&self) -> &[Vec<usize>] {
+        &self.levels
+    }
+}
+
+/// Supernodes without zeros: the end of the positions of each, and the positions of its rows below its own.
+fn fundamental(rows: &Lists<u32>) -> (Vec<usize>, Vec<Vec<u32>>) {
+    let count = rows.count();
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); count];
+    // The rows of L in the columns of a position: those of H, and those of its children, which its elimination couples.
+    let mut below: Vec<Vec<u32>> = Vec::with_capacity(count);
+    let mut marked = vec![u32::MAX; count];
+    let (mut ends, mut of_supernodes) = (Vec::new(), Vec::new());
+    for position in 0..count {
+        let mark = position as u32;
+        marked[position] = mark;
+        let mut list = Vec::new();
+        let of_children = children[position].iter().flat_map(|&child| &below[child]);
+        for &row in rows.get(position).iter().chain(of_children) {
+            if marked[row as usize] != mark {
+                marked[row as usize] = mark;
+                list.push(row);
+            }
+        }
+        list.sort_unstable();
+        for child in std::mem::take(&mut children[position]) {
+            // Rows of the last position of a supernode are kept below.
+            if child + 1 != position {
+                below[child] = Vec::new();
+            }
+        }
+        if let Some(&parent) = list.first() {
+            children[parent as usize].push(position);
+        }
+        if position > 0 {
+            let before = std::mem::take(&mut below[position - 1]);
+            let continues = before.first() == Some(&mark) && before.len() == list.len() + 1;
+            if !continues {
+                ends.push(position);
+                of_supernodes.push(before.clone());
+                below[position - 1] = before;
+            }
+        }
+        below.push(list);
+    }
+    if let Some(last) = below.pop() {
+        ends.push(count);
+        of_supernodes.push(last);
+    }
+    (ends, of_supernodes)
+}
+
+/// Merges supernodes with the next one, on which they depend.
+fn merged(
+    (ends, below): (Vec<usize>, Vec<Vec<u32>>),
+    start: &[usize],
+) -> (Vec<usize>, Vec<Vec<u32>>) {
+    struct Merged {
+        first: usize,
+        end: usize,
+        below: Vec<u32>,
+        rows_below: usize,
+        zeros: usize,
+    }
+    let scalars = |positions: &[u32]| -> usize {
+        let sizes = positions
+            .iter()
+            .map(|&p| start[p as usize + 1] - start[p as usize]);
+        sizes.sum()
+    };
+    let mut all: Vec<Merged> = Vec::new();
+    let mut first = 0;
+    for (end, below) in ends.into_iter().zip(below) {
+        let mut merged = Merged {
+            first,
+            end,
+            rows_below: scalars(&below),
+            below,
+            zeros: 0,
+        };
+        first = end;
+        while let Some(before) = all.last() {
+            let depends = before
+                .below
+                .first()
+                .is_some_and(|&row| (row as usize) < merged.end);
+            if !depends {
+                break;
+            }
+            let columns = |s: &Merged| start[s.end] - start[s.first];
+            let (own, theirs) = (columns(&merged), columns(before));
+            let zeros = before.zeros
+                + merged.zeros
+                + theirs * (own + merged.rows_below - before.rows_below);
+            let columns = own + theirs;
+            let entries = columns * (columns + 1) / 2 + columns * merged.rows_below;
+            let share = zeros as f64 / entries as f64;
+            let is_allowed = RELAXED
+                .iter()
+                .any(|&(most, zero)| columns <= most && share <= zero);
+            if !is_allowed {
+                break;
+            }
+            (merged.first, merged.zeros) = (before.first, zeros);
+            all.pop();
+        }
+        all.push(merged);
+    }
+    all.into_iter().map(|s| (s.end, s.below)).unzip()
+}
+
+/// For each supernode the earlier ones that change it.
+fn updates(front: &[Vec<u32>], of: &[usize]) -> Vec<Vec<Update>> {
+    let mut updates = vec![Vec::new(); front.len()];
+    for (from, positions) in front.iter().enumerate() {
+        let mut first = positions.partition_point(|&position| of[position as usize] == from);
+        while first < positions.len() {
+            let to = of[positions[first] as usize];
+            let end =
+                first + positions[first..].partition_point(|&position| of[position as usize] == to);
+            updates[to].push(Update {
+                from: from as u32,
+                first: first as u32,
+                end: end as u32,
+            });
+            first = end;
+        }
+    }
+    updates
+}
+
+fn levels(updates: &[Vec<Update>]) -> Vec<Vec<usize>> {
+    let mut level = vec![0; updates.len()];
+    let mut levels: Vec<Vec<usize>> = Vec::new();
+    for (supernode, updates) in updates.iter().enumerate() {
+        let earlier = updates.iter().map(|update| level[update.from as usize] + 1);
+        level[supernode] = earlier.max().unwrap_or(0);
+        levels.resize_with(levels.len().max(level[supernode] + 1), Vec::new);
+        levels[level[supernode]].push(supernode);
+    }
+    levels
+}
