@@ -4,6 +4,7 @@ use super::dense::{Part, Shape, Target, add_product, cholesky};
 use super::inverse::SelectedInverse;
 use super::structure::{NotPositiveBlock, Structure};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The Cholesky factor of normal equations.
@@ -34,7 +35,7 @@ impl SparseFactor {
                 .map(|&s| (s, std::mem::take(&mut self.values[s])))
                 .collect();
             let failed = panels.par_iter_mut().map_init(
-                || Workspace::new(structure.sizes.len()),
+                Workspace::default,
                 |workspace, (supernode, panel)| {
                     workspace
                         .eliminate(structure, &self.values, h, *supernode, panel)
@@ -180,20 +181,13 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// What the elimination of a supernode needs beside its values.
+#[derive(Default)]
 struct Workspace {
-    /// The first row of each position of the supernode's front.
-    row_of: Vec<u32>,
+    runs: Vec<Range<usize>>,
     product: Vec<f64>,
 }
 
 impl Workspace {
-    fn new(positions: usize) -> Self {
-        Self {
-            row_of: vec![0; positions],
-            product: Vec::new(),
-        }
-    }
-
     /// Computes the values of a supernode from H and from those on which it depends.
     ///
     /// # Errors
@@ -206,25 +200,22 @@ impl Workspace {
         supernode: usize,
         panel: &mut [f64],
     ) -> Result<(), usize> {
+        let Self { runs, product } = self;
         let l = &structure.l;
         let (pivots, height) = (l.pivots(supernode), l.height(supernode));
-        let (front, front_row) = l.front(supernode);
-        for (&position, &row) in front.iter().zip(front_row) {
-            self.row_of[position as usize] = row;
-        }
         panel.fill(0.0);
-        for &position in front {
-            let position = position as usize;
-            if structure.start[position] >= pivots.end {
-                break;
-            }
-            let first = structure.start[position] - pivots.start;
-            let stride = structure.height(position);
-            for (row, base) in structure.coupled(position) {
-                let (to, size) = (self.row_of[row] as usize, structure.size(row));
-                for c in 0..structure.size(position) {
-                    panel[(first + c) * height + to..][..size]
-                        .copy_from_slice(&h[base + c * stride..][..size]);
+        let mut columns = panel.chunks_exact_mut(height);
+        let (front, _) = l.front(supernode);
+        let positions = front.iter().map(|&position| position as usize);
+        for position in positions.take_while(|&position| l.of(position) == supernode) {
+            l.runs(supernode, structure.coupled(position), runs);
+            let of_h = h[structure.columns(position)].chunks_exact(structure.height(position));
+            for (from, to) in of_h.zip(&mut columns) {
+                let mut rest = from;
+                for run in &*runs {
+                    let (values, others) = rest.split_at(run.len());
+                    to[run.clone()].copy_from_slice(values);
+                    rest = others;
                 }
             }
         }
@@ -236,33 +227,32 @@ impl Workspace {
             let top = rows[first] as usize;
             let (count, columns) = (from_height - top, rows[end] as usize - top);
             let a = Part::of(&values[from][top..], from_height);
-            self.product
-                .resize(self.product.len().max(count * columns), 0.0);
-            let product = &mut self.product[..count * columns];
+            product.resize(product.len().max(count * columns), 0.0);
             let target = Target {
-                data: product,
+                data: &mut product[..count * columns],
                 height: count,
                 rows: count,
                 columns,
                 shape: Shape::Lower,
             };
             add_product(0.0, target, 1.0, a, a.transpose(), inner);
-            for at in first..end {
-                let column = structure.start[positions[at] as usize] - pivots.start;
-                for c in 0..(rows[at + 1] - rows[at]) as usize {
-                    let product = &product[(rows[at] as usize - top + c) * count..][..count];
-                    let panel = &mut panel[(column + c) * height..][..height];
-                    for below in at..positions.len() {
-                        let (row, size) = (
-                            rows[below] as usize - top,
-                            (rows[below + 1] - rows[below]) as usize,
-                        );
-                        let to =
-                            &mut panel[self.row_of[positions[below] as usize] as usize..][..size];
-                        for (to, from) in to.iter_mut().zip(&product[row..]) {
-                            *to -= from;
-                        }
+            l.runs(supernode, &positions[first..], runs);
+            let own = runs.iter().cloned().flatten();
+            for (k, (column, product)) in own
+                .zip(product.chunks_exact(count))
+                .take(columns)
+                .enumerate()
+            {
+                let to = &mut panel[column * height..][..height];
+                let mut begin = 0;
+                for run in &*runs {
+                    // Nothing is computed above the diagonal.
+                    let skipped = k.saturating_sub(begin).min(run.len());
+                    let to = &mut to[run.start + skipped..run.end];
+                    for (to, from) in to.iter_mut().zip(&product[begin + skipped..]) {
+                        *to -= from;
                     }
+                    begin += run.len();
                 }
             }
         }

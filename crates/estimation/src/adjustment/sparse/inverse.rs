@@ -4,7 +4,6 @@ use super::dense::{Part, Shape, Target, add_product, solve_from_right};
 use super::structure::Structure;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// H⁻¹ where L has entries: the covariances of all blocks that are coupled, and of some more.
@@ -58,8 +57,8 @@ impl SelectedInverse {
         let of_l = &self.structure.l;
         let (height, pivots) = (of_l.height(supernode), of_l.pivots(supernode).len());
         let others = height - pivots;
-        separator.clear();
-        separator.resize(others * others, 0.0);
+        separator.resize(separator.len().max(others * others), 0.0);
+        let separator = &mut separator[..others * others];
         self.gather(supernode, separator);
         // The identity above L_IJ becomes L_JJ⁻¹ above Y.
         workspace.clear();
@@ -124,7 +123,7 @@ impl SelectedInverse {
             let ancestor = structure.l.of(front[first] as usize);
             let (pivots, stride) = (structure.l.pivots(ancestor), structure.l.height(ancestor));
             let values = &self.values[ancestor];
-            self.runs(ancestor, &front[first..], &mut runs);
+            structure.l.runs(ancestor, &front[first..], &mut runs);
             let end = first + structure.count_before(&front[first..], pivots.end);
             for (i, &position) in front.iter().enumerate().take(end).skip(first) {
                 let column = structure.start[position as usize] - pivots.start;
@@ -140,25 +139,6 @@ impl SelectedInverse {
             first = end;
         }
         mirror(separator, height);
-    }
-
-    /// The rows of an ancestor's supernode that belong to these positions, which must all be among its rows.
-    fn runs(&self, ancestor: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
-        let structure = &*self.structure;
-        let (there, there_row) = structure.l.front(ancestor);
-        runs.clear();
-        let mut at = 0;
-        for &position in positions {
-            while there[at] != position {
-                at += 1;
-            }
-            let row = there_row[at] as usize;
-            let end = row + structure.size(position as usize);
-            match runs.last_mut() {
-                Some(run) if run.end == row => run.end = end,
-                _ => runs.push(row..end),
-            }
-        }
     }
 
     /// The covariance of block a with block b; `None` if L has no entries for the pair, or if neither was

@@ -35,3 +35,13 @@ impl<T> FromIterator<Vec<T>> for Lists<T> {
         Self { ends, values }
     }
 }
+
+/// Sums of the first 0, 1, … values.
+pub fn sums(values: impl Iterator<Item = usize>) -> Vec<usize> {
+    let mut sum = 0;
+    let ends = values.map(|value| {
+        sum += value;
+        sum
+    });
+    [0].into_iter().chain(ends).collect()
+}

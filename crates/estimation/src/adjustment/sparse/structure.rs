@@ -1,6 +1,6 @@
 //! The symbolic analysis: the storage of the blocks of H, and the pattern of L.
 
-use super::lists::Lists;
+use super::lists::{Lists, sums};
 use super::supernodes::Supernodes;
 use std::ops::Range;
 
@@ -94,15 +94,14 @@ impl Structure {
         self.base[self.base.len() - 1]
     }
 
-    /// Positions coupled with a position, from itself on, ascending, and where H stores the first entry of each.
-    pub fn coupled(&self, position: usize) -> impl Iterator<Item = (usize, usize)> {
-        let base = self.base[position];
-        let rows = self
-            .rows
-            .get(position)
-            .iter()
-            .zip(self.first_row.get(position));
-        rows.map(move |(&row, &first)| (row as usize, base + first as usize))
+    /// Positions coupled with a position, from itself on, ascending: the rows of its columns in H.
+    pub fn coupled(&self, position: usize) -> &[u32] {
+        self.rows.get(position)
+    }
+
+    /// Where H stores the columns of a position.
+    pub fn columns(&self, position: usize) -> Range<usize> {
+        self.base[position]..self.base[position + 1]
     }
 
     /// Where H stores its diagonal, in the caller's order.
@@ -133,16 +132,6 @@ impl Structure {
     pub fn block_of(&self, scalar: usize) -> usize {
         self.order[self.start.partition_point(|&start| start <= scalar) - 1]
     }
-}
-
-/// Sums of the first 0, 1, … values.
-fn sums(values: impl Iterator<Item = usize>) -> Vec<usize> {
-    let mut sum = 0;
-    let ends = values.map(|value| {
-        sum += value;
-        sum
-    });
-    [0].into_iter().chain(ends).collect()
 }
 
 fn coupled_positions(position: &[usize], later: &[Vec<u32>]) -> Lists<u32> {

@@ -1,7 +1,7 @@
 //! The pattern of L in supernodes: neighbouring columns with the same rows, which are stored and worked on as one dense
 //! matrix (Ng & Peyton 1993).
 
-use super::lists::Lists;
+use super::lists::{Lists, sums};
 use std::ops::Range;
 
 /// A supernode is merged with the next if L has at most so many columns in both, and this share of entries that are zero
@@ -39,26 +39,19 @@ impl Supernodes {
     /// From the positions that H couples with each position, from itself on, ascending, and the first scalar of each
     /// position, then the number of scalars.
     pub fn new(rows: &Lists<u32>, start: &[usize]) -> Self {
-        let (ends, below) = merged(fundamental(rows), start);
         let mut of = vec![0; start.len() - 1];
         let mut begin = vec![0];
         let (mut front, mut front_row) = (Vec::new(), Vec::new());
-        let mut first = 0;
-        for (supernode, (&end, below)) in ends.iter().zip(&below).enumerate() {
-            of[first..end].fill(supernode);
-            begin.push(start[end]);
-            let positions: Vec<u32> = (first as u32..end as u32)
-                .chain(below.iter().copied())
-                .collect();
-            let mut row = 0;
-            let mut rows = vec![0];
-            for &position in &positions {
-                row += start[position as usize + 1] - start[position as usize];
-                rows.push(row as u32);
-            }
+        for (supernode, run) in merged(fundamental(rows), start).into_iter().enumerate() {
+            of[run.positions.clone()].fill(supernode);
+            begin.push(start[run.positions.end]);
+            let own = run.positions.start as u32..run.positions.end as u32;
+            let positions: Vec<u32> = own.chain(run.below).collect();
+            let sizes = positions
+                .iter()
+                .map(|&p| start[p as usize + 1] - start[p as usize]);
+            front_row.push(sums(sizes).into_iter().map(|row| row as u32).collect());
             front.push(positions);
-            front_row.push(rows);
-            first = end;
         }
         let updates = updates(&front, &of);
         let levels = levels(&updates);
@@ -107,6 +100,23 @@ impl Supernodes {
         (self.front.get(supernode), self.front_row.get(supernode))
     }
 
+    /// The rows of a supernode that belong to these positions (ascending), which must all be among its rows.
+    pub fn runs(&self, supernode: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
+        let (front, front_row) = self.front(supernode);
+        runs.clear();
+        let mut at = 0;
+        for &position in positions {
+            while front[at] != position {
+                at += 1;
+            }
+            let rows = front_row[at] as usize..front_row[at + 1] as usize;
+            match runs.last_mut() {
+                Some(run) if run.end == rows.start => run.end = rows.end,
+                _ => runs.push(rows),
+            }
+        }
+    }
+
     /// What changes a supernode.
     pub fn updates(&self, supernode: usize) -> &[Update] {
         self.updates.get(supernode)
@@ -118,14 +128,29 @@ impl Supernodes {
     }
 }
 
-/// Supernodes without zeros: the end of the positions of each, and the positions of its rows below its own.
-fn fundamental(rows: &Lists<u32>) -> (Vec<usize>, Vec<Vec<u32>>) {
+/// Positions of a supernode.
+struct Run {
+    positions: Range<usize>,
+    /// Positions of its rows below its own, ascending.
+    below: Vec<u32>,
+    /// Zeros among its entries, because it was merged.
+    zeros: usize,
+}
+
+/// Supernodes without zeros.
+fn fundamental(rows: &Lists<u32>) -> Vec<Run> {
     let count = rows.count();
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); count];
     // The rows of L in the columns of a position: those of H, and those of its children, which its elimination couples.
     let mut below: Vec<Vec<u32>> = Vec::with_capacity(count);
     let mut marked = vec![u32::MAX; count];
-    let (mut ends, mut of_supernodes) = (Vec::new(), Vec::new());
+    let mut runs = Vec::new();
+    let mut first = 0;
+    let run = |positions: Range<usize>, below: &[u32]| Run {
+        positions,
+        below: below.to_vec(),
+        zeros: 0,
+    };
     for position in 0..count {
         let mark = position as u32;
         marked[position] = mark;
@@ -138,90 +163,64 @@ fn fundamental(rows: &Lists<u32>) -> (Vec<usize>, Vec<Vec<u32>>) {
             }
         }
         list.sort_unstable();
-        for child in std::mem::take(&mut children[position]) {
-            // Rows of the last position of a supernode are kept below.
-            if child + 1 != position {
-                below[child] = Vec::new();
+        if let Some(before) = below.last() {
+            let continues = before.first() == Some(&mark) && before.len() == list.len() + 1;
+            if !continues {
+                runs.push(run(first..position, before));
+                first = position;
             }
+        }
+        for child in std::mem::take(&mut children[position]) {
+            below[child] = Vec::new();
         }
         if let Some(&parent) = list.first() {
             children[parent as usize].push(position);
         }
-        if position > 0 {
-            let before = std::mem::take(&mut below[position - 1]);
-            let continues = before.first() == Some(&mark) && before.len() == list.len() + 1;
-            if !continues {
-                ends.push(position);
-                of_supernodes.push(before.clone());
-                below[position - 1] = before;
-            }
-        }
         below.push(list);
     }
-    if let Some(last) = below.pop() {
-        ends.push(count);
-        of_supernodes.push(last);
+    if let Some(last) = below.last() {
+        runs.push(run(first..count, last));
     }
-    (ends, of_supernodes)
+    runs
 }
 
 /// Merges supernodes with the next one, on which they depend.
-fn merged(
-    (ends, below): (Vec<usize>, Vec<Vec<u32>>),
-    start: &[usize],
-) -> (Vec<usize>, Vec<Vec<u32>>) {
-    struct Merged {
-        first: usize,
-        end: usize,
-        below: Vec<u32>,
-        rows_below: usize,
-        zeros: usize,
-    }
-    let scalars = |positions: &[u32]| -> usize {
-        let sizes = positions
+fn merged(runs: Vec<Run>, start: &[usize]) -> Vec<Run> {
+    let columns = |run: &Run| start[run.positions.end] - start[run.positions.start];
+    let rows_below = |run: &Run| -> usize {
+        let sizes = run
+            .below
             .iter()
             .map(|&p| start[p as usize + 1] - start[p as usize]);
         sizes.sum()
     };
-    let mut all: Vec<Merged> = Vec::new();
-    let mut first = 0;
-    for (end, below) in ends.into_iter().zip(below) {
-        let mut merged = Merged {
-            first,
-            end,
-            rows_below: scalars(&below),
-            below,
-            zeros: 0,
-        };
-        first = end;
+    let mut all: Vec<Run> = Vec::new();
+    for mut run in runs {
+        let (mut own, rows) = (columns(&run), rows_below(&run));
         while let Some(before) = all.last() {
-            let depends = before
-                .below
-                .first()
-                .is_some_and(|&row| (row as usize) < merged.end);
-            if !depends {
+            let first_below = before.below.first();
+            if first_below.is_none_or(|&row| row as usize >= run.positions.end) {
                 break;
             }
-            let columns = |s: &Merged| start[s.end] - start[s.first];
-            let (own, theirs) = (columns(&merged), columns(before));
-            let zeros = before.zeros
-                + merged.zeros
-                + theirs * (own + merged.rows_below - before.rows_below);
-            let columns = own + theirs;
-            let entries = columns * (columns + 1) / 2 + columns * merged.rows_below;
+            let theirs = columns(before);
+            let zeros = before.zeros + run.zeros + theirs * (own + rows - rows_below(before));
+            let both = own + theirs;
+            let entries = both * (both + 1) / 2 + both * rows;
             let share = zeros as f64 / entries as f64;
             let is_allowed = RELAXED
                 .iter()
-                .any(|&(most, zero)| columns <= most && share <= zero);
+                .any(|&(most, zero)| both <= most && share <= zero);
             if !is_allowed {
                 break;
             }
-            (merged.first, merged.zeros) = (before.first, zeros);
+            run.positions.start = before.positions.start;
+            run.zeros = zeros;
+            own = both;
             all.pop();
         }
-        all.push(merged);
+        all.push(run);
     }
-    all.into_iter().map(|s| (s.end, s.below)).unzip()
+    all
 }
 
 /// For each supernode the earlier ones that change it.
