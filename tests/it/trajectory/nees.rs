@@ -48,15 +48,33 @@ fn the_mean_of_normalised_squared_errors_is_the_number_of_degrees_of_freedom() {
     assert_consistent(mean_squares(|_| {}));
 }
 
+fn with_lasting_errors(scenario: &mut Scenario) {
+    scenario.prism.sigma_correlated_m = 0.02;
+    scenario.prism.correlation_s = 20.0;
+    scenario.heading.sigma_correlated_deg = 0.5;
+    scenario.heading.correlation_s = 20.0;
+}
+
 /// Without a model of errors that last, positions would be off by tens of their standard deviations.
 #[test]
 fn covariances_hold_stated_errors_of_positions_and_headings_that_last() {
     assert_consistent(mean_squares(|scenario| {
         let drives = scenario.drives.iter_mut();
         drives.for_each(|drive| drive.passes.truncate(3));
-        scenario.prism.sigma_correlated_m = 0.02;
-        scenario.prism.correlation_s = 20.0;
-        scenario.heading.sigma_correlated_deg = 0.5;
-        scenario.heading.correlation_s = 20.0;
+        with_lasting_errors(scenario);
     }));
+}
+
+/// Five and a half minutes of errors that last for 20 s have 350 modes that stand out, more than are estimated.
+#[test]
+fn errors_that_last_are_not_blamed_on_the_imu() {
+    let mut scenario = Scenario::demo();
+    with_lasting_errors(&mut scenario);
+    let scene = Scene::new(&scenario);
+    let drive = Drive::new(&scenario, &scene, 0, 0.0);
+    let (logs, truth) = twin(&scenario, &drive, 0);
+    let estimate = logs.estimate();
+    assert_eq!(estimate.solution.imu_noise_factor(), 1.0);
+    let squares = squares_at_epochs(&estimate, &truth).unwrap();
+    println!("position, tilt, yaw: {squares:.1?}");
 }

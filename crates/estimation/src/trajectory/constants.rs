@@ -178,6 +178,19 @@ impl Constants {
         amplitudes.map(|(x, by)| x.value.component_mul(&by)).sum()
     }
 
+    /// By how much the standard deviations of a position sensor are larger because of lasting errors that are taken for
+    /// noise.
+    pub fn position_noise(&self, sensor: usize) -> f64 {
+        let lasting = self.lasting_m.get(&sensor);
+        lasting.map_or(1.0, |lasting| lasting.modes.noise_factor())
+    }
+
+    /// The same of the heading.
+    pub fn heading_noise(&self) -> f64 {
+        let lasting = self.lasting_rad.as_ref();
+        lasting.map_or(1.0, |lasting| lasting.modes.noise_factor())
+    }
+
     /// The amplitudes of the lasting error of the heading at a time, each with its derivative, radians.
     pub fn lasting_heading(&self, time_s: f64) -> impl Iterator<Item = (&Parameter<f64>, f64)> {
         let lasting = self.lasting_rad.iter();

@@ -7,7 +7,7 @@ use crate::adjustment::{Columns, Parameter, Unknown};
 
 /// Most modes: those of positions are three columns each, and the time of an adjustment grows with their square. On drives
 /// of 4 min with errors of positions and headings that last for 20 s, tilt and yaw are off by 1.4 and 2.3 times what is
-/// stated (2.0 and 5.8 times without any), positions by 0.9 times (20 times).
+/// stated (2.0 and 5.8 times without any), positions by 0.9 times (20 times). Smaller modes are taken for noise.
 const MAX_MODES: usize = 48;
 /// Halvings of the interval of a root, down to rounding errors.
 const HALVINGS: usize = 60;
@@ -22,6 +22,8 @@ const HALVINGS: usize = 60;
 pub struct Modes {
     middle_s: f64,
     modes: Vec<Mode>,
+    /// The variance of records with which no mode that is left out stands out, over that of their white noise.
+    variance_factor: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -41,11 +43,23 @@ impl Modes {
         let half_s = 0.5 * (to_s - from_s);
         let modes = (0..MAX_MODES).map(|index| mode(index, half_s, correlation_s));
         let modes = modes.take_while(|(_, variance_s)| *variance_s > white_s);
-        let modes = modes.map(|(mode, _)| mode).collect();
+        let modes: Vec<Mode> = modes.map(|(mode, _)| mode).collect();
+        let (_, left_out_s) = mode(modes.len(), half_s, correlation_s);
         Self {
             middle_s: from_s + half_s,
+            variance_factor: if modes.len() == MAX_MODES {
+                1.0 + left_out_s / white_s
+            } else {
+                1.0
+            },
             modes,
         }
+    }
+
+    /// The standard deviation of records with which no mode that is left out stands out, over that of their white noise:
+    /// at no period is there more error than is stated.
+    pub fn noise_factor(&self) -> f64 {
+        self.variance_factor.sqrt()
     }
 
     /// Number of modes.
@@ -89,7 +103,7 @@ fn mode(n: usize, half_s: f64, correlation_s: f64) -> (Mode, f64) {
 #[derive(Debug, Clone)]
 pub struct Lasting<T> {
     sigma: T,
-    modes: Modes,
+    pub modes: Modes,
     /// One for each mode: independent standard normal values.
     pub amplitudes: Vec<Parameter<T>>,
 }
@@ -145,9 +159,14 @@ mod tests {
 
     #[test]
     fn modes_below_the_noise_are_left_out() {
-        let modes = |white_s| Modes::new((0.0, 100.0), 20.0, white_s).count();
+        let all = |white_s| Modes::new((0.0, 100.0), 20.0, white_s);
+        let modes = |white_s| all(white_s).count();
         // 2τ/(1 + (π k τ/T)²) = 40/(1 + 0.395 k²) of the mode k is 1 at k = 9.9.
         assert!((9..=11).contains(&modes(1.0)));
         assert_eq!(modes(50.0), 0);
+        // 48 are all that there can be, and the next has 40/(1 + 0.395 48²) = 0.0439.
+        assert_eq!((modes(0.01), all(1.0).noise_factor()), (MAX_MODES, 1.0));
+        let factor = all(0.01).noise_factor();
+        assert!((factor.powi(2) - 5.39).abs() < 0.15, "{factor}");
     }
 }

@@ -90,13 +90,22 @@ impl HeadingFactor {
 
     /// The residual in standard deviations.
     pub fn whitened(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> [f64; 1] {
-        [self.residual(constants, node, bias) / self.sigma_rad]
+        [self.residual(constants, node, bias) / self.sigma_with(constants)]
+    }
+
+    /// The standard deviation of the record's noise and of the lasting errors that are taken for it.
+    fn sigma_with(&self, constants: &Constants) -> f64 {
+        match self.quantity {
+            Quantity::Heading => self.sigma_rad * constants.heading_noise(),
+            Quantity::Pitch(_) => self.sigma_rad,
+        }
     }
 
     /// Whitened rows.
     pub fn rows(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> FactorRows<1> {
         let at = self.propagated(constants, node, bias);
-        let weight = 1.0 / self.sigma_rad;
+        let sigma_rad = self.sigma_with(constants);
+        let weight = 1.0 / sigma_rad;
         let direction = self.quantity.direction();
         let gradient = self.quantity.gradient(&at.world_from_body.rotation);
         let (by_attitude, by_gyro) = self
@@ -109,7 +118,7 @@ impl HeadingFactor {
             by_step[0][ATTITUDE + i] = attitude[i] * weight;
             by_step[0][GYRO + i] = gyro[i] * weight;
         }
-        let residual = self.residual_at(constants, &at) / self.sigma_rad;
+        let residual = self.residual_at(constants, &at) / sigma_rad;
         let mut rows = FactorRows::new([residual], by_step);
         let by_time = gradient.dot(&at.turning(&direction)) * weight;
         for late in &self.clocks {

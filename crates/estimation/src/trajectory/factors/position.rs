@@ -107,7 +107,12 @@ impl PositionFactor {
         node: &NodeState,
         bias: &ImuBias,
     ) -> [f64; 3] {
-        (self.whitener * self.residual(sensor, constants, node, bias)).into()
+        (self.whitener_with(constants) * self.residual(sensor, constants, node, bias)).into()
+    }
+
+    /// The whitener for the noise of the records and the lasting errors that are taken for it.
+    fn whitener_with(&self, constants: &Constants) -> Mat3 {
+        self.whitener / constants.position_noise(self.sensor)
     }
 
     /// Whitened rows. They neglect that the direction of the incidence-dependent error turns with
@@ -123,7 +128,7 @@ impl PositionFactor {
         let sensor_constants = &constants.positions[self.sensor];
         let arm = sensor_constants.lever_arm_m.value;
         let raw = self.propagation.position_jacobian(&at, node, bias, &arm);
-        let w = self.whitener;
+        let w = self.whitener_with(constants);
         let residual = w * self.residual_at(sensor, constants, &at);
         let mut rows = FactorRows::new(residual.into(), whitened(&w, &raw));
         let column = |by: Vec3| -> [f64; 3] { (w * by).into() };
