@@ -127,16 +127,16 @@ impl SparseSystem {
         }
         let mut product = vec![0.0; x.len()];
         for position in 0..structure.order.len() {
-            let height = structure.height(position);
-            for (row, base) in structure.coupled(position) {
-                for c in 0..structure.size(position) {
-                    let column = structure.start[position] + c;
-                    for i in 0..structure.size(row) {
-                        let value = self.h[base + c * height + i];
-                        product[structure.start[row] + i] += value * ordered[column];
-                        if row != position {
-                            product[column] += value * ordered[structure.start[row] + i];
-                        }
+            let scalars =
+                |position: usize| structure.start[position]..structure.start[position + 1];
+            let coupled = structure.coupled(position).iter();
+            let rows: Vec<usize> = coupled.flat_map(|&row| scalars(row as usize)).collect();
+            let values = self.h[structure.columns(position)].chunks_exact(rows.len());
+            for (column, values) in scalars(position).zip(values) {
+                for (&row, value) in rows.iter().zip(values) {
+                    product[row] += value * ordered[column];
+                    if !scalars(position).contains(&row) {
+                        product[column] += value * ordered[row];
                     }
                 }
             }
