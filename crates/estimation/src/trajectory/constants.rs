@@ -182,13 +182,12 @@ impl Constants {
     /// noise.
     pub fn position_noise(&self, sensor: usize) -> f64 {
         let lasting = self.lasting_m.get(&sensor);
-        lasting.map_or(1.0, |lasting| lasting.modes.noise_factor())
+        lasting.map_or(1.0, Lasting::noise_factor)
     }
 
     /// The same of the heading.
     pub fn heading_noise(&self) -> f64 {
-        let lasting = self.lasting_rad.as_ref();
-        lasting.map_or(1.0, |lasting| lasting.modes.noise_factor())
+        self.lasting_rad.as_ref().map_or(1.0, Lasting::noise_factor)
     }
 
     /// The amplitudes of the lasting error of the heading at a time, each with its derivative, radians.

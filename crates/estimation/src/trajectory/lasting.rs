@@ -23,8 +23,9 @@ const HALVINGS: usize = 60;
 pub struct Modes {
     middle_s: f64,
     modes: Vec<Mode>,
-    /// The variance of records with which no mode that is left out stands out, over that of their white noise.
-    variance_factor: f64,
+    /// The standard deviation of records with which no mode that is left out stands out, over that of their white noise:
+    /// at no period is there more error than is stated.
+    noise_factor: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -48,19 +49,13 @@ impl Modes {
         let (_, left_out_s) = mode(modes.len(), half_s, correlation_s);
         Self {
             middle_s: from_s + half_s,
-            variance_factor: if modes.len() == MAX_MODES {
-                1.0 + left_out_s / white_s
+            noise_factor: if modes.len() == MAX_MODES {
+                (1.0 + left_out_s / white_s).sqrt()
             } else {
                 1.0
             },
             modes,
         }
-    }
-
-    /// The standard deviation of records with which no mode that is left out stands out, over that of their white noise:
-    /// at no period is there more error than is stated.
-    pub fn noise_factor(&self) -> f64 {
-        self.variance_factor.sqrt()
     }
 
     /// Number of modes.
@@ -104,7 +99,7 @@ fn mode(n: usize, half_s: f64, correlation_s: f64) -> (Mode, f64) {
 #[derive(Debug, Clone)]
 pub struct Lasting<T> {
     sigma: T,
-    pub modes: Modes,
+    modes: Modes,
     /// One for each mode: independent standard normal values.
     pub amplitudes: Vec<Parameter<T>>,
 }
@@ -120,6 +115,11 @@ impl<T: Unknown + Mul<f64, Output = T>> Lasting<T> {
             modes,
             amplitudes,
         }
+    }
+
+    /// The factor on the standard deviation of records for the modes that are taken for noise.
+    pub fn noise_factor(&self) -> f64 {
+        self.modes.noise_factor
     }
 
     /// The amplitudes at a time, each with what its component of 1 adds to that of the error.
@@ -166,8 +166,8 @@ mod tests {
         assert!((9..=11).contains(&modes(1.0)));
         assert_eq!(modes(50.0), 0);
         // 48 are all that there can be, and the next has 40/(1 + 0.395 48²) = 0.0439.
-        assert_eq!((modes(0.01), all(1.0).noise_factor()), (MAX_MODES, 1.0));
-        let factor = all(0.01).noise_factor();
+        assert_eq!((modes(0.01), all(1.0).noise_factor), (MAX_MODES, 1.0));
+        let factor = all(0.01).noise_factor;
         assert!((factor.powi(2) - 5.39).abs() < 0.15, "{factor}");
     }
 }

@@ -71,9 +71,14 @@ impl Structure {
         self.place.len()
     }
 
+    /// The scalars of a position in the order of elimination.
+    pub fn scalars(&self, position: usize) -> Range<usize> {
+        self.start[position]..self.start[position + 1]
+    }
+
     /// Number of scalars of a position.
     pub fn size(&self, position: usize) -> usize {
-        self.start[position + 1] - self.start[position]
+        self.scalars(position).len()
     }
 
     /// Where H stores the first entry of this pair of positions, and the distance between columns;
@@ -123,7 +128,7 @@ impl Structure {
         let (front, rows) = self.l.front(supernode);
         let all = front.iter().zip(rows);
         all.filter_map(move |(&position, &row)| {
-            let scalars = self.start[position as usize]..self.start[position as usize + 1];
+            let scalars = self.scalars(position as usize);
             (scalars.start >= pivots.end).then(|| (scalars, row as usize - pivots.len()))
         })
     }

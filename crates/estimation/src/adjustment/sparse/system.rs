@@ -127,15 +127,15 @@ impl SparseSystem {
         }
         let mut product = vec![0.0; x.len()];
         for position in 0..structure.order.len() {
-            let scalars =
-                |position: usize| structure.start[position]..structure.start[position + 1];
+            let own = structure.scalars(position);
             let coupled = structure.coupled(position).iter();
-            let rows: Vec<usize> = coupled.flat_map(|&row| scalars(row as usize)).collect();
+            let rows = coupled.flat_map(|&row| structure.scalars(row as usize));
+            let rows: Vec<usize> = rows.collect();
             let values = self.h[structure.columns(position)].chunks_exact(rows.len());
-            for (column, values) in scalars(position).zip(values) {
+            for (column, values) in own.clone().zip(values) {
                 for (&row, value) in rows.iter().zip(values) {
                     product[row] += value * ordered[column];
-                    if !scalars(position).contains(&row) {
+                    if !own.contains(&row) {
                         product[column] += value * ordered[row];
                     }
                 }
