@@ -11,6 +11,7 @@ use super::problem::JointProblem;
 use super::result::Joint;
 use super::rounds::{Round, SCALING_SIGMAS, SETTLED_MOTION, Steps, components_at};
 use super::settings::JointSettings;
+use super::slow::slow_contradiction;
 use super::state::State;
 use super::surfel::{Association, Gates, Grid, LEAST_SIGMA_M, ReferenceCells, associate, profiles};
 use crate::adjustment::StopReason;
@@ -189,6 +190,9 @@ pub fn at_rung(
             if may_climb {
                 let mut reasons = imu_contradictions(&problem, &state, &components, 1.0);
                 reasons.extend(scan_contradictions(&problem, &state, 1.0));
+                if reasons.is_empty() {
+                    reasons.extend(slow_contradiction(&problem, &state));
+                }
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }

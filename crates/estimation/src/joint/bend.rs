@@ -355,7 +355,7 @@ fn vague_prior(mounting: &Mounting) -> [[f64; BENDING]; 2] {
 }
 
 /// Whether component i of (δφ, δp) is fixed, because the position or the rotation is fixed as a whole.
-fn is_fixed(mounting: &Mounting, i: usize) -> bool {
+pub fn is_fixed(mounting: &Mounting, i: usize) -> bool {
     let [turns, shifts] = [&mounting.fixed[3..], &mounting.fixed[..3]];
     (if i < 3 { turns } else { shifts }) == [true; 3]
 }

@@ -3,6 +3,7 @@
 use super::bend::Bends;
 use super::input::JointInput;
 use super::motion::{GaussMarkov, Motion};
+use super::slow::HeldMotion;
 use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.
@@ -43,6 +44,8 @@ pub struct ScannerBlocks {
     pub late: Vec<Option<usize>>,
     /// Of what is added to all ranges.
     pub range: Vec<Option<usize>>,
+    /// A slow motion of a mounting, which is only ever held.
+    pub motion: Option<HeldMotion>,
 }
 
 impl Layout {
@@ -102,6 +105,7 @@ impl Layout {
         let of_scanners = ScannerBlocks {
             late: late.map(|estimate| estimate.then(|| add(1, 1))).collect(),
             range: vec![None; input.mountings.len()],
+            motion: None,
         };
         let count = if bends.is_some() {
             input.mountings.len()

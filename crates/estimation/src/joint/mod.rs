@@ -32,6 +32,7 @@ mod scan;
 mod score;
 mod settings;
 mod slopes;
+mod slow;
 mod state;
 mod surfel;
 #[cfg(test)]

@@ -378,6 +378,11 @@ impl<'a> StepScans<'a> {
             batch.touch(range, &[mean.by_range * w]);
         }
         let by_mounting = mean.by_mounting.map(|x| x * w);
+        if let Some(held) = &drive.of_scanners.motion
+            && (held.drive, held.scanner) == (self.context.drive, scanner)
+        {
+            held.touch(mean.time_s, &by_mounting, batch);
+        }
         if let Some(&compliance) = drive.compliance.get(scanner) {
             let by = mean.by_compliance.map(|x| x * w);
             batch.touch(compliance, &by[..drive.bending]);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::UP;
 use super::problem::JointProblem;
-use super::row::{Row, RowBatch};
+use super::row::RowBatch;
 use super::state::State;
 
 /// The value that would fit best, and its standard deviation.
@@ -33,10 +33,11 @@ pub struct RangeScore {
     pub moved_sigmas: f64,
 }
 
-/// An estimate of a held value, and the change of each unknown with the value.
-struct Held {
-    score: Score,
-    follow: Vec<f64>,
+/// An estimate of a held value.
+pub(super) struct Held {
+    pub score: Score,
+    /// The change of each unknown of each mounting with the value.
+    by_mountings: Vec<[f64; 6]>,
 }
 
 /// Estimates of all values that are held.
@@ -62,11 +63,9 @@ impl JointProblem<'_> {
             blocks.late[scanner] = next.next();
         }
         blocks.range.fill_with(|| next.next());
-        let first = self.unknowns();
-        let mut held: Vec<usize> = (first..first + late.len() + scanners).collect();
         let up = self.layout.reference.map(|block| self.offset(block) + UP);
-        held.extend(up);
-        let mut estimates = self.score(&held, |visit| self.visit_with(state, &blocks, visit));
+        let added = late.len() + scanners;
+        let mut estimates = self.score(added, up, |visit| self.visit_with(state, &blocks, visit));
         let height = up.and_then(|_| estimates.pop()?);
         let ranges = estimates.split_off(late.len()).into_iter();
         let range = ranges.map(|held| {
@@ -93,86 +92,113 @@ impl JointProblem<'_> {
     /// The largest change of a parameter of a mounting with the estimate of a held value, in standard deviations of the
     /// parameter.
     fn moved_sigmas(&self, held: &Held, covariance: &DMatrix<f64>) -> f64 {
-        let blocks = self.layout.mountings.iter().enumerate();
-        let changes = blocks.flat_map(|(scanner, &block)| {
+        let changes = held.by_mountings.iter().enumerate();
+        let changes = changes.flat_map(|(scanner, by)| {
             // The unknowns are (δφ, δp).
-            (0..6).map(move |i| (6 * scanner + (i + 3) % 6, self.offset(block) + i))
+            (0..6).map(move |i| (6 * scanner + (i + 3) % 6, by[i]))
         });
-        let in_sigmas = changes.filter_map(|(parameter, unknown)| {
+        let in_sigmas = changes.filter_map(|(parameter, by)| {
             let variance = covariance[(parameter, parameter)];
-            let change = held.score.value * held.follow[unknown];
+            let change = held.score.value * by;
             (variance > 0.0).then(|| change.abs() / variance.sqrt())
         });
         in_sigmas.fold(0.0, f64::max)
     }
 
-    /// Estimates the value τ at each of these places, which may lie after all unknowns; the other held values stay
-    /// held. Rows have derivatives d by τ and J by all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d, rows with
-    /// D = d + J x'. Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
-    fn score(
+    /// Estimates held values τ, each while the others stay held: so many whose places lie after all unknowns, and the
+    /// unknown at the place `within`. Rows have derivatives d by τ and J by all unknowns x. Unknowns follow τ with
+    /// x' = −H⁻¹ Jᵀ W d, rows with D = d + J x'. Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
+    pub(super) fn score(
         &self,
-        held: &[usize],
+        added: usize,
+        within: Option<usize>,
         visit: impl Fn(&mut dyn FnMut(&RowBatch)),
     ) -> Vec<Option<Held>> {
-        let Some(factor) = self.factor() else {
-            return held.iter().map(|_| None).collect();
-        };
         let unknowns = self.unknowns();
-        let mut places = Vec::new();
-        let mut follow = vec![vec![0.0; unknowns + held.len()]; held.len()];
+        let held_at = |place: usize| match place.checked_sub(unknowns) {
+            Some(held) => Some(held),
+            None => (Some(place) == within).then_some(added),
+        };
+        let count = added + usize::from(within.is_some());
+        let Some(factor) = self.factor() else {
+            return (0..count).map(|_| None).collect();
+        };
+        let mut sides = vec![0.0; count * unknowns];
+        let (mut places, mut held) = (Vec::new(), Vec::new());
         visit(&mut |batch| {
-            for row in batch.rows() {
+            // A row that touches nothing else holds τ.
+            for row in batch.rows().filter(|row| row.blocks.len() > 1) {
                 self.places(&row, &mut places);
-                for (follow, &held) in follow.iter_mut().zip(held) {
-                    let d = derivative(&row, &places, held);
-                    if d != 0.0 {
-                        for (place, by) in places.iter().zip(row.by) {
-                            follow[*place] -= row.weight * d * by;
+                let all = places.iter().zip(row.by);
+                held.clear();
+                held.extend(all.filter_map(|(place, by)| Some((held_at(*place)?, *by))));
+                for &(value, d) in &held {
+                    let side = &mut sides[value * unknowns..][..unknowns];
+                    for (&place, by) in places.iter().zip(row.by) {
+                        if place < unknowns {
+                            side[place] -= row.weight * d * by;
                         }
                     }
                 }
             }
         });
-        for (follow, &held_here) in follow.iter_mut().zip(held) {
-            // Held values do not follow.
-            follow[held_here] = 0.0;
-            factor.solve(&mut follow[..unknowns], 1);
-            held.iter().for_each(|&place| follow[place] = 0.0);
+        // Held values do not follow.
+        let hold = |sides: &mut [f64]| {
+            if let Some(place) = within {
+                (0..count).for_each(|value| sides[value * unknowns + place] = 0.0);
+            }
+        };
+        hold(&mut sides);
+        factor.solve(&mut sides, count);
+        hold(&mut sides);
+        // By unknown, so that what a row needs lies together.
+        let mut follow = vec![0.0; count * unknowns];
+        for (place, follow) in follow.chunks_exact_mut(count).enumerate() {
+            for (value, follow) in follow.iter_mut().enumerate() {
+                *follow = sides[value * unknowns + place];
+            }
         }
-        let mut sums = vec![(0.0, 0.0); held.len()];
+        drop(sides);
+        // Σ w D², Σ w D r, and D.
+        let mut sums = vec![[0.0; 2]; count];
+        let mut by_value = vec![0.0; count];
         visit(&mut |batch| {
             for row in batch.rows() {
                 self.places(&row, &mut places);
-                for ((follow, &held), sums) in follow.iter().zip(held).zip(&mut sums) {
-                    let followed = places
-                        .iter()
-                        .zip(row.by)
-                        .map(|(place, by)| by * follow[*place]);
-                    let all = derivative(&row, &places, held) + followed.sum::<f64>();
-                    sums.0 += row.weight * all * all;
-                    sums.1 += row.weight * all * row.residual;
+                by_value.fill(0.0);
+                for (&place, by) in places.iter().zip(row.by) {
+                    match held_at(place) {
+                        None => {
+                            let follow = &follow[place * count..][..count];
+                            for (sum, follow) in by_value.iter_mut().zip(follow) {
+                                *sum += by * follow;
+                            }
+                        }
+                        Some(value) if row.blocks.len() > 1 => by_value[value] += by,
+                        Some(_) => {}
+                    }
+                }
+                for ([information, against], by) in sums.iter_mut().zip(&by_value) {
+                    *information += row.weight * by * by;
+                    *against += row.weight * by * row.residual;
                 }
             }
         });
-        let scores = sums.into_iter().zip(follow);
-        let scores = scores.map(|((information, against), follow)| {
+        let estimates = sums.into_iter().enumerate();
+        let estimates = estimates.map(|(value, [information, against])| {
             (information > 0.0).then(|| Held {
                 score: Score {
                     value: -against / information,
                     sigma: information.sqrt().recip(),
                 },
-                follow,
+                by_mountings: (self.layout.mountings.iter())
+                    .map(|&block| {
+                        let first = self.offset(block);
+                        std::array::from_fn(|i| follow[(first + i) * count + value])
+                    })
+                    .collect(),
             })
         });
-        scores.collect()
-    }
-}
-
-/// The derivative d of a row; zero for a row that touches nothing else, such as the one that holds τ.
-fn derivative(row: &Row<'_>, places: &[usize], held: usize) -> f64 {
-    let place = places.iter().position(|place| *place == held);
-    match place {
-        Some(place) if row.blocks.len() > 1 => row.by[place],
-        _ => 0.0,
+        estimates.collect()
     }
 }

@@ -208,8 +208,14 @@ fn hit_m(time_s: f64, mounting: &BodyFromScanner, ray: &Vec3) -> Vec3 {
 /// Samples of both scanners: 27 points in each of 60 profiles per second, and 1300 points per second
 /// that are each a profile of its own.
 pub fn samples() -> Vec<ScannerSample> {
+    let left = truth()[0].body_from_scanner;
+    samples_with(|_| left)
+}
+
+/// The same with a profile scanner whose mounting depends on time.
+pub fn samples_with(left_at: impl Fn(f64) -> BodyFromScanner) -> Vec<ScannerSample> {
     let mut next = noise(11);
-    let [left, lidar] = [0, 1].map(|s| truth()[s].body_from_scanner);
+    let lidar = truth()[1].body_from_scanner;
     let mut samples = [ScannerSample::default(), ScannerSample::default()];
     let mut add = |sample: &mut ScannerSample, time_s: f64, new: bool, hit_m: Vec3| {
         if new {
@@ -230,7 +236,7 @@ pub fn samples() -> Vec<ScannerSample> {
         for beam in -13..=13 {
             let angle = 0.03 * f64::from(beam);
             let ray = Vec3::new(angle.sin(), 0.0, -angle.cos());
-            let hit_m = hit_m(time_s, &left, &ray);
+            let hit_m = hit_m(time_s, &left_at(time_s), &ray);
             add(&mut samples[0], time_s, beam == -13, hit_m);
         }
     }

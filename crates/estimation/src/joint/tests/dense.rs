@@ -126,7 +126,7 @@ fn the_first_step_is_as_long_as_that_of_the_mountings() {
 }
 
 /// With the damping of the adjustment.
-fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
+pub fn solve(problem: &mut JointProblem<'_>, state: &mut State) {
     let ended = levenberg_marquardt(problem, state, DAMPING, 30, CONVERGED_SIGMAS, &Silent)
         .expect("not cancelled");
     assert_eq!(ended.stop, StopReason::Converged);

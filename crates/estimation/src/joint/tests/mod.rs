@@ -13,4 +13,5 @@ mod pose_errors;
 mod reference;
 mod relief;
 mod slopes;
+mod slow;
 mod whole;

@@ -17,7 +17,7 @@ fn adjusted(case: &Case) -> Joint {
 }
 
 /// Logs, and a reference without errors of its own.
-fn on_exact_reference() -> Case {
+pub fn on_exact_reference() -> Case {
     let mut case = Case {
         reference: Case::full().reference,
         ..Case::plain()
