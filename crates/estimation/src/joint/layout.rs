@@ -1,9 +1,9 @@
 //! The blocks of unknowns and the groups of observations.
 
 use super::bend::Bends;
+use super::held::HeldMotion;
 use super::input::JointInput;
 use super::motion::{GaussMarkov, Motion};
-use super::slow::HeldMotion;
 use super::surfel::{Association, CLASSES, COVERAGES};
 
 /// Errors of the reference: shift and rotation.

@@ -12,6 +12,7 @@ mod bend;
 mod components;
 mod conclude;
 mod fixed;
+mod held;
 mod input;
 mod known;
 mod ladder;

@@ -6,7 +6,8 @@ use super::case::{Case, Dense, SPAN_S, samples_with, truth};
 use super::dense::{inverse, solve};
 use super::whole::on_exact_reference;
 use crate::geometry::Vec3;
-use crate::joint::slow::{MODES, slow_contradiction, slow_motions};
+use crate::joint::held::MODES;
+use crate::joint::slow::{slow_contradiction, slow_motions};
 use nalgebra::{DMatrix, DVector};
 
 #[test]
