@@ -1,5 +1,5 @@
 //! Three seconds over a curved surface: an IMU, a prism, headings, a profile scanner and a 3-D
-//! scanner, and all rows of a problem as dense matrices.
+//! scanner.
 
 use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::heading::heading_rad;
@@ -22,7 +22,7 @@ use crate::trajectory::{
     Constant, Estimate, HeadingSettings, ImuNoise, MotionLogs, PositionSettings, Trajectory,
     TrajectorySettings, estimate,
 };
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 pub const GRAVITY: f64 = 9.81;
 pub const SPAN_S: f64 = 3.0;
@@ -432,70 +432,4 @@ impl Case {
         );
         (problem, state)
     }
-}
-
-/// All rows of a problem at a state.
-pub struct Dense {
-    pub groups: Vec<usize>,
-    pub weights: DVector<f64>,
-    pub residuals: DVector<f64>,
-    pub jacobian: DMatrix<f64>,
-}
-
-impl Dense {
-    pub fn new(problem: &JointProblem<'_>, state: &State) -> Self {
-        let (mut groups, mut weights, mut residuals) = (Vec::new(), Vec::new(), Vec::new());
-        let mut entries = Vec::new();
-        problem.visit(state, |batch| {
-            for row in batch.rows() {
-                let mut by = row.by.iter();
-                for &block in row.blocks {
-                    let first = problem.offset(block as usize);
-                    for place in first..first + problem.layout.sizes[block as usize] {
-                        let value = by.next().expect("a derivative for each unknown");
-                        entries.push((groups.len(), place, *value));
-                    }
-                }
-                assert!(by.next().is_none(), "an unknown for each derivative");
-                groups.push(row.group);
-                weights.push(row.weight);
-                residuals.push(row.residual);
-            }
-        });
-        let mut jacobian = DMatrix::zeros(groups.len(), problem.unknowns());
-        for (row, place, value) in entries {
-            jacobian[(row, place)] += value;
-        }
-        Self {
-            groups,
-            weights: DVector::from_vec(weights),
-            residuals: DVector::from_vec(residuals),
-            jacobian,
-        }
-    }
-
-    /// Jᵀ W J.
-    pub fn h(&self) -> DMatrix<f64> {
-        let mut whitened = self.jacobian.clone();
-        for (mut row, weight) in whitened.row_iter_mut().zip(&self.weights) {
-            row *= weight.sqrt();
-        }
-        whitened.tr_mul(&whitened)
-    }
-
-    /// −Jᵀ W r.
-    pub fn g(&self) -> DVector<f64> {
-        -self
-            .jacobian
-            .tr_mul(&self.weights.component_mul(&self.residuals))
-    }
-}
-
-/// Residuals of all rows.
-pub fn residuals(problem: &JointProblem<'_>, state: &State) -> DVector<f64> {
-    let mut all = Vec::new();
-    problem.visit_residuals(state, |batch| {
-        all.extend(batch.rows().map(|row| row.residual))
-    });
-    DVector::from_vec(all)
 }

@@ -1,6 +1,7 @@
 //! The sparse problem against dense algebra, and against the chain of the trajectory.
 
-use super::case::{Case, Dense, estimated};
+use super::case::{Case, estimated};
+use super::rows::{Dense, assert_near, freed, inverse};
 use crate::adjustment::{CONVERGED_SIGMAS, LeastSquares, StopReason, levenberg_marquardt};
 use crate::calibration::ScannerSample;
 use crate::joint::components::{components, rescale};
@@ -8,20 +9,9 @@ use crate::joint::layout::UP;
 use crate::joint::motion::ChainMotion;
 use crate::joint::problem::JointProblem;
 use crate::joint::rounds::DAMPING;
-use crate::joint::score::Score;
 use crate::joint::state::State;
 use crate::progress::Silent;
 use nalgebra::{DMatrix, DVector};
-
-/// H⁻¹. Unknowns are scaled to a diagonal of ones, because held values have weights of 10¹⁶.
-pub fn inverse(h: &DMatrix<f64>) -> DMatrix<f64> {
-    let scale = h.diagonal().map(|x| 1.0 / x.sqrt());
-    let by_scale = |m: &DMatrix<f64>| {
-        DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * scale[i] * scale[j])
-    };
-    let scaled = by_scale(h).cholesky().expect("positive definite");
-    by_scale(&scaled.inverse())
-}
 
 /// Rounding error of covariances, in standard deviations. A pivot is the remainder of its Hᵢᵢ after
 /// cancellation, which loses as many digits as Hᵢᵢ (H⁻¹)ᵢᵢ has. Each is a sum of some hundred products.
@@ -204,26 +194,8 @@ fn redundancies_by_probes_are_those_of_the_projection() {
     });
 }
 
-/// The best value of an unknown and its standard deviation, without the row that only holds it.
-fn freed(dense: &Dense, place: usize) -> (f64, f64) {
-    let mut weights = dense.weights.clone();
-    for (weight, row) in weights.iter_mut().zip(dense.jacobian.row_iter()) {
-        let holds = row[place] != 0.0 && row.iter().filter(|x| **x != 0.0).count() == 1;
-        *weight *= if holds { 0.0 } else { 1.0 };
-    }
-    let weighted = DMatrix::from_diagonal(&weights) * &dense.jacobian;
-    let covariance = inverse(&weighted.tr_mul(&dense.jacobian));
-    let step = -&covariance * weighted.tr_mul(&dense.residuals);
-    (step[place], covariance[(place, place)].sqrt())
-}
-
 #[test]
 fn scores_of_held_values_are_the_estimates_of_freed_ones() {
-    let near = |name: &str, score: Score, (value, sigma): (f64, f64)| {
-        println!("{name}: {score:?}, freed {value:e} ± {sigma:e}");
-        assert!((score.sigma / sigma - 1.0).abs() < 1e-3, "{name}");
-        assert!((score.value - value).abs() < 1e-2 * sigma, "{name}");
-    };
     for (name, mut case) in Case::all() {
         case.estimate_latency = vec![false, false];
         let input = case.input();
@@ -237,7 +209,7 @@ fn scores_of_held_values_are_the_estimates_of_freed_ones() {
             let (down, sigma) = freed(&dense, problem.offset(reference) + UP);
             let scores = problem.scores(&state, &[], &covariance);
             let score = scores.height.expect("factorised");
-            near(name, score, (-down, sigma));
+            assert_near(name, score, (-down, sigma));
         }
         for scanner in 0..2 {
             let all: Vec<usize> = (0..state.mountings.len()).collect();
@@ -248,7 +220,7 @@ fn scores_of_held_values_are_the_estimates_of_freed_ones() {
             let (free, _) = case.problem(&free);
             let block = free.layout.of_scanners.late[scanner].expect("estimated");
             let dense = Dense::new(&free, &state);
-            near(name, score, freed(&dense, free.offset(block)));
+            assert_near(name, score, freed(&dense, free.offset(block)));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Every derivative of every row against central differences.
 
-use super::case::{Case, Dense, residuals};
+use super::case::Case;
+use super::rows::{Dense, residuals};
 use crate::calibration::Mounting;
 use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::problem::JointProblem;

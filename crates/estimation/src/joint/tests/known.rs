@@ -1,7 +1,8 @@
 //! Uncertainties with moving mountings, against dense algebra and finite differences.
 
-use super::case::{Case, Dense};
-use super::dense::inverse;
+use super::case::Case;
+use super::rows::Dense;
+use super::rows::inverse;
 use crate::geometry::Vec3;
 use crate::joint::known::{known_points, prior_shares};
 use crate::joint::problem::JointProblem;

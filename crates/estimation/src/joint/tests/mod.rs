@@ -12,6 +12,7 @@ mod known;
 mod pose_errors;
 mod reference;
 mod relief;
+mod rows;
 mod slopes;
 mod slow;
 mod whole;

@@ -2,8 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::case::{Case, Dense};
-use super::dense::inverse;
+use super::case::Case;
+use super::rows::Dense;
+use super::rows::inverse;
 use crate::calibration::INITIAL_SIGMA;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
