@@ -110,7 +110,7 @@ file = "tls.laz"
 
 [calibration]
 method = "two-step"
-voxel_sizes_m = [0.08, 0.04]
+voxel_sizes_m = [0.1]
 """
 
 

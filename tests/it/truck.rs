@@ -87,6 +87,7 @@ fn a_start_at_zero_ends_at_the_known_rotation_and_the_passes_coincide() {
 
 /// Poses with errors of up to 2 cm and 0.05° over some seconds, corrected together with the rotation.
 #[test]
+#[ignore = "just acceptance"]
 fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
     let folder = tempfile::tempdir().unwrap();
     let prior = "sigma_position_m = 0.02\nsigma_rotation_deg = 0.05";
@@ -249,27 +250,37 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     (calibration, settings.voxel_sizes_m)
 }
 
+fn assert_ends_at_the_known_rotation(start: Vec3, sizes_m: &[f64]) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut project = project(start, folder.path());
+    project.calibration.voxel_sizes_m = sizes_m.to_vec();
+    let (calibration, sizes_m) = calibrated_from_the_misfit(&project);
+    let mounting = calibration.mountings[0].body_from_scanner;
+    println!(
+        "from {:?} with {sizes_m:?}: {:?}, off {}",
+        start.as_slice(),
+        rotation_deg(&mounting).as_slice(),
+        error_deg(&mounting)
+    );
+    assert!(error_deg(&mounting) < NEAR_DEG);
+}
+
+const COARSE_TO_FINE_M: [f64; 6] = [2.0, 1.0, 0.5, 0.25, 0.1, 0.05];
+
 #[test]
-fn starts_ten_degrees_off_and_too_fine_scales_end_at_the_known_rotation() {
-    let all = vec![2.0, 1.0, 0.5, 0.25, 0.1, 0.05];
-    let starts = (0..6).map(|i| {
-        let mut start = Vec3::zeros();
-        start[i % 3] = if i < 3 { 10.0 } else { -10.0 };
-        (start, all.clone())
-    });
-    let fine = (Vec3::zeros(), vec![0.2, 0.1, 0.05]);
-    for (start, sizes) in starts.chain([fine]) {
-        let folder = tempfile::tempdir().unwrap();
-        let mut project = project(start, folder.path());
-        project.calibration.voxel_sizes_m = sizes;
-        let (calibration, sizes) = calibrated_from_the_misfit(&project);
-        let mounting = calibration.mountings[0].body_from_scanner;
-        println!(
-            "from {:?} with {sizes:?}: {:?}, off {}",
-            start.as_slice(),
-            rotation_deg(&mounting).as_slice(),
-            error_deg(&mounting)
-        );
-        assert!(error_deg(&mounting) < NEAR_DEG);
+fn a_start_ten_degrees_off_or_too_fine_scales_end_at_the_known_rotation() {
+    assert_ends_at_the_known_rotation(Vec3::new(0.0, -10.0, 0.0), &COARSE_TO_FINE_M);
+    assert_ends_at_the_known_rotation(Vec3::zeros(), &[0.2, 0.1, 0.05]);
+}
+
+#[test]
+#[ignore = "just acceptance"]
+fn every_start_ten_degrees_off_ends_at_the_known_rotation() {
+    for axis in 0..3 {
+        for angle_deg in [-10.0, 10.0] {
+            let mut start = Vec3::zeros();
+            start[axis] = angle_deg;
+            assert_ends_at_the_known_rotation(start, &COARSE_TO_FINE_M);
+        }
     }
 }
