@@ -87,10 +87,10 @@ impl Minimum {
             return Ok(None);
         };
         let progress = &Steps::new(progress, Self::STEPS, Self::STEPS);
-        let aligned = |mountings: &[Mounting]| -> Result<State> {
-            Ok(problem.at(align(&problem, mountings, mountings, progress)?.mountings))
+        let aligned = |mountings: &[Mounting]| -> Result<Vec<Mounting>> {
+            Ok(align(&problem, mountings, mountings, progress)?.mountings)
         };
-        let nearest_minimum = aligned(solution)?;
+        let nearest_minimum = problem.at(aligned(solution)?);
         // All axes are moved at once.
         let shift_m = voxel_m.min(Reach::ROUGH.shift_m / 3f64.sqrt());
         let turn_rad = (voxel_m / range_m).min(Reach::ROUGH.turn_rad / 3f64.sqrt());
@@ -112,28 +112,35 @@ impl Minimum {
             });
             let away = &determined * (determined.transpose() * away);
             let end = aligned(&moved(&nearest_minimum.mountings, &away))?;
-            if minimum.ends_elsewhere(&input.mountings, &nearest_minimum, &end, voxel_m) {
+            if minimum.comes_back(&nearest_minimum, &end, voxel_m) {
+                continue;
+            }
+            let end = problem.at(end);
+            if is_another(&input.mountings, &nearest_minimum, &end, voxel_m) {
                 others.push(end.mountings);
             }
         }
         Ok(Some((minimum, others)))
     }
 
-    /// Whether an adjustment on one scale that was started elsewhere ended at other mountings than its `solution`, which
-    /// fit as well and which the initial values allow. If it came back, this is counted.
-    pub(super) fn ends_elsewhere(
-        &mut self,
-        initial: &[Mounting],
-        solution: &State,
-        end: &State,
-        voxel_m: f64,
-    ) -> bool {
-        let [from, to] = [solution, end].map(|state| poses(&state.mountings));
+    /// Whether an adjustment on one scale that was started elsewhere ended at its `solution`, which is counted.
+    pub(super) fn comes_back(&mut self, solution: &State, end: &[Mounting], voxel_m: f64) -> bool {
+        let [from, to] = [&solution.mountings[..], end].map(poses);
         let apart_m = solution.surface.cloud.largest_displacement(&from, &to);
         let is_back = apart_m < SAME_SHARE * voxel_m;
         self.back += u64::from(is_back);
-        !is_back && is_possible(initial, end) && fits_as_well(end, solution, voxel_m)
+        is_back
     }
+}
+
+/// Whether mountings elsewhere fit as well as the `solution`, and are allowed by the initial values.
+pub(super) fn is_another(
+    initial: &[Mounting],
+    solution: &State,
+    end: &State,
+    voxel_m: f64,
+) -> bool {
+    is_possible(initial, end) && fits_as_well(end, solution, voxel_m)
 }
 
 /// Whether the initial values can be as far off as they would be if these mountings were true.
@@ -180,7 +187,8 @@ mod tests {
             back: 3,
             alternative: None,
         };
-        let is_elsewhere = minimum.ends_elsewhere(&mountings, &solution, &end, problem.voxel_m);
+        let is_elsewhere = !minimum.comes_back(&solution, &end.mountings, problem.voxel_m)
+            && is_another(&mountings, &solution, &end, problem.voxel_m);
         (is_elsewhere, minimum.back)
     }
 
