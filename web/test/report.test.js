@@ -15,33 +15,24 @@ const SHEET = { width: 688, height: 1001 };
 let run;
 let out;
 let address;
+/** Pages of the tests on a wide and a narrow screen, in which `axe` unfolds what is folded, last. */
+let wide;
+let narrow;
 
 before(async () => {
   out = smallRun();
   address = pathToFileURL(join(out, 'report.html')).href;
   run = await browser();
+  wide = await open(run, address, { width: 1280, height: 900, colorScheme: 'dark' });
+  narrow = await open(run, address, { width: 390, height: 844, colorScheme: 'light' });
 });
 
 after(async () => {
   await run?.close();
 });
 
-for (const { width, colorScheme } of [{ width: 1280, colorScheme: 'dark' }, { width: 390, colorScheme: 'light' }]) {
-  test(`axe finds nothing at ${width} px, ${colorScheme}`, async () => {
-    const { page, wrong } = await open(run, address, { width, colorScheme });
-    await ready(page);
-    await page.evaluate(() => document.querySelectorAll('details').forEach((one) => { one.open = true; }));
-    await page.evaluate(AXE);
-    const { violations } = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] }));
-    const messages = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ''}`).join('; ')}`);
-    assert.deepEqual(messages, []);
-    assert.deepEqual(wrong, []);
-    await page.close();
-  });
-}
-
 test('the first screen shows the result, the mounting, the platform and a map', async () => {
-  const { page } = await open(run, address, { width: 1280, height: 900 });
+  const { page } = wide;
   const bottom = async (selector) => {
     const box = await page.locator(selector).first().boundingBox();
     return box.y + box.height;
@@ -50,11 +41,10 @@ test('the first screen shows the result, the mounting, the platform and a map', 
   for (const selector of ['.headline', '.why', '.mounting.brief', '.screen svg', '.screen div:last-child svg']) {
     assert.ok((await bottom(selector)) < 900, `${selector} ends at ${await bottom(selector)}`);
   }
-  await page.close();
 });
 
 test('a narrow screen shows the column of the result', async () => {
-  const { page } = await open(run, address, { width: 390, height: 844 });
+  const { page } = narrow;
   for (const table of ['#mounting table.mounting', '#distances table.rmse']) {
     const cells = page.locator(`${table} >> nth=0`).locator('td.result');
     await cells.first().scrollIntoViewIfNeeded();
@@ -62,11 +52,10 @@ test('a narrow screen shows the column of the result', async () => {
     assert.ok(box.x >= 0 && box.x + box.width <= 390.5, `${table}: from ${box.x}, ${box.width} wide`);
   }
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390);
-  await page.close();
 });
 
 test('a keyboard reaches links, folded parts and the clouds', async () => {
-  const { page } = await open(run, address);
+  const { page } = wide;
   await ready(page);
   await page.evaluate(() => { scrollTo(0, 0); document.activeElement.blur(); });
   const reached = new Set();
@@ -84,8 +73,20 @@ test('a keyboard reaches links, folded parts and the clouds', async () => {
     if (`${focused.name}`.includes('scene-canvas')) reached.add('CANVAS');
   }
   for (const tag of ['A', 'SUMMARY', 'SELECT', 'CANVAS']) assert.ok(reached.has(tag), `${tag} of ${[...reached]}`);
-  await page.close();
 });
+
+for (const [name, opened] of [['1280 px, dark', () => wide], ['390 px, light', () => narrow]]) {
+  test(`axe finds nothing at ${name}`, async () => {
+    const { page, wrong } = opened();
+    await ready(page);
+    await page.evaluate(() => document.querySelectorAll('details').forEach((one) => { one.open = true; }));
+    await page.evaluate(AXE);
+    const { violations } = await page.evaluate(() => globalThis.axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa'] }));
+    const messages = violations.map(({ id, nodes }) => `${id}: ${nodes.slice(0, 3).map((node) => `${node.html.slice(0, 160)} ${node.any[0]?.message ?? ''}`).join('; ')}`);
+    assert.deepEqual(messages, []);
+    assert.deepEqual(wrong, []);
+  });
+}
 
 test('the summary fits on two printed pages, and no heading is separated from its text', async () => {
   const { page } = await open(run, address, { width: SHEET.width, height: SHEET.height });
