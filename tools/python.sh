@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tests the Python package in a new environment: as a wheel in the profile `release`, or with the argument `built`
-# beside the module that `cargo build --workspace --lib --bins --tests` left, which builds nothing, without the tests
+# beside the module that `cargo build --workspace --lib --bins` left, which builds nothing, without the tests
 # marked `long`. With the argument `packages`, it only makes the environment of `built`, which takes it once. If Python,
 # pip or the packages of the tests are not available, it prints this and succeeds.
 set -euo pipefail

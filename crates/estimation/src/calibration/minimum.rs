@@ -112,40 +112,36 @@ impl Minimum {
             });
             let away = &determined * (determined.transpose() * away);
             let end = aligned(&moved(&nearest_minimum.mountings, &away))?;
-            if minimum.comes_back(&nearest_minimum, &end, voxel_m) {
-                continue;
-            }
-            let end = problem.at(end);
-            if is_another(&input.mountings, &nearest_minimum, &end, voxel_m) {
-                others.push(end.mountings);
+            if minimum.ends_elsewhere(&input.mountings, &nearest_minimum, &end, voxel_m) {
+                let end = problem.at(end);
+                if fits_as_well(&end, &nearest_minimum, voxel_m) {
+                    others.push(end.mountings);
+                }
             }
         }
         Ok(Some((minimum, others)))
     }
 
-    /// Whether an adjustment on one scale that was started elsewhere ended at its `solution`, which is counted.
-    pub(super) fn comes_back(&mut self, solution: &State, end: &[Mounting], voxel_m: f64) -> bool {
+    /// Whether an adjustment on one scale that was started elsewhere ended at other mountings than its `solution`, which
+    /// the initial values allow. If it came back, this is counted.
+    pub(super) fn ends_elsewhere(
+        &mut self,
+        initial: &[Mounting],
+        solution: &State,
+        end: &[Mounting],
+        voxel_m: f64,
+    ) -> bool {
         let [from, to] = [&solution.mountings[..], end].map(poses);
         let apart_m = solution.surface.cloud.largest_displacement(&from, &to);
         let is_back = apart_m < SAME_SHARE * voxel_m;
         self.back += u64::from(is_back);
-        is_back
+        !is_back && is_possible(initial, end)
     }
 }
 
-/// Whether mountings elsewhere fit as well as the `solution`, and are allowed by the initial values.
-pub(super) fn is_another(
-    initial: &[Mounting],
-    solution: &State,
-    end: &State,
-    voxel_m: f64,
-) -> bool {
-    is_possible(initial, end) && fits_as_well(end, solution, voxel_m)
-}
-
 /// Whether the initial values can be as far off as they would be if these mountings were true.
-fn is_possible(initial: &[Mounting], state: &State) -> bool {
-    let mut pairs = state.mountings.iter().zip(initial);
+fn is_possible(initial: &[Mounting], mountings: &[Mounting]) -> bool {
+    let mut pairs = mountings.iter().zip(initial);
     pairs.all(|(end, initial)| {
         let (end, initial) = (&end.body_from_scanner, &initial.body_from_scanner);
         !Reach::WRONG.is_exceeded(&end.perturbation_from(initial))
@@ -153,7 +149,7 @@ fn is_possible(initial: &[Mounting], state: &State) -> bool {
 }
 
 /// Whether a state fits as well as another, and takes up as little space.
-fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
+pub(super) fn fits_as_well(state: &State, nearest: &State, voxel_m: f64) -> bool {
     let mean_cost = |state: &State| state.cost / state.surface.planes.len() as f64;
     let space = |state: &State| {
         let points = state.surface.placed.world.iter().copied();
@@ -187,8 +183,9 @@ mod tests {
             back: 3,
             alternative: None,
         };
-        let is_elsewhere = !minimum.comes_back(&solution, &end.mountings, problem.voxel_m)
-            && is_another(&mountings, &solution, &end, problem.voxel_m);
+        let voxel_m = problem.voxel_m;
+        let is_elsewhere = minimum.ends_elsewhere(&mountings, &solution, &end.mountings, voxel_m)
+            && fits_as_well(&end, &solution, voxel_m);
         (is_elsewhere, minimum.back)
     }
 

@@ -35,7 +35,7 @@ use std::time::Instant;
 pub use constancy::{Block, Constancy, Correlation};
 pub use gap::Gap;
 pub use input::{Input, POSE_CORRELATION_S, PoseUncertainty};
-use minimum::is_another;
+use minimum::fits_as_well;
 pub use minimum::{Minimum, is_within};
 pub use observability::{Observability, UnobservableDirection};
 pub use parameters::{Mounting, PARAMETER_NAMES, change};
@@ -213,8 +213,8 @@ fn follow(
     // Without finer scales, it stays another minimum.
     let is_elsewhere = finest.is_none_or(|(end, voxel_m): (State, f64)| {
         let solution = &solved.state;
-        !minimum.comes_back(solution, &end.mountings, voxel_m)
-            && is_another(&input.mountings, solution, &end, voxel_m)
+        minimum.ends_elsewhere(&input.mountings, solution, &end.mountings, voxel_m)
+            && fits_as_well(&end, solution, voxel_m)
     });
     Ok(is_elsewhere.then_some(begin))
 }
