@@ -39,6 +39,6 @@ pub(crate) use marginals::{StepCovariance, tail_covariance};
 pub(crate) use prior::{BorderPrior, Prior};
 pub(crate) use problem::ChainProblem;
 pub(crate) use rows::{FactorRows, Rows};
-pub(crate) use sparse::{BlockPattern, SparseFactor, SparseSystem};
+pub(crate) use sparse::{BlockPattern, SelectedInverse, SparseFactor, SparseSystem};
 pub(crate) use system::{BorderSystem, StepSystem, assemble};
 pub(crate) use unknown::{Columns, Parameter, Retract, Unknown};

@@ -11,7 +11,7 @@ use super::problem::JointProblem;
 use super::result::Joint;
 use super::rounds::{Round, SCALING_SIGMAS, SETTLED_MOTION, Steps, components_at};
 use super::settings::JointSettings;
-use super::slow::slow_contradiction;
+use super::slow::SlowMotions;
 use super::state::State;
 use super::surfel::{Association, Gates, Grid, LEAST_SIGMA_M, ReferenceCells, associate, profiles};
 use crate::adjustment::StopReason;
@@ -169,8 +169,7 @@ pub fn at_rung(
             }
         }
         // The size of the motion is estimated before points are sorted by it.
-        let is_dense = round == Round::Coarse && rung == Rung::DenseKnots;
-        if is_dense && learn(&problem, &mut state) > SETTLED_MOTION {
+        if round == Round::Coarse && learn(&problem, &mut state) > SETTLED_MOTION {
             steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
             learn(&problem, &mut state);
         }
@@ -190,14 +189,17 @@ pub fn at_rung(
             if may_climb {
                 let mut reasons = imu_contradictions(&problem, &state, &components, 1.0);
                 reasons.extend(scan_contradictions(&problem, &state, 1.0));
-                if reasons.is_empty() {
-                    reasons.extend(slow_contradiction(&problem, &state));
-                }
                 if !reasons.is_empty() {
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let joint = conclude(&problem, &state, &components, stop, steps.iterations)?;
+            let may_move = rung < Rung::SlowKnots.min(settings.mounting.most);
+            let slow = may_move.then(|| SlowMotions::of(&problem, &state));
+            let slow = slow.unwrap_or_default();
+            if may_climb && let Some(reason) = slow.contradiction(&problem, rung) {
+                return Ok(Outcome::Contradicted(vec![reason]));
+            }
+            let joint = conclude(&problem, &state, &components, &slow, stop, steps.iterations)?;
             return Ok(Outcome::Found(Box::new(joint)));
         }
         groups = problem.groups;

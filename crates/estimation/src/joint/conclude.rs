@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::bend::{BENDING_STEP_S, Bends, Compliance};
 use super::components::Component;
+use super::covariance::Covariance;
 use super::known::{known_points, prior_shares};
 use super::layout::Groups;
 use super::model::BLOCKS_S;
@@ -13,6 +14,7 @@ use super::problem::JointProblem;
 use super::result::{
     AdjustedDrive, GroupTest, Joint, Jump, MovedMounting, PoseMove, ReferenceError, SurfelPlane,
 };
+use super::slow::SlowMotions;
 use super::state::State;
 use super::surfel::Surfel;
 use crate::adjustment::StopReason;
@@ -22,7 +24,7 @@ use crate::geometry::{Bending, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
 
 /// The values of a state with their standard deviations, from the factor that the problem holds, at this state or
-/// at one nearby.
+/// at one nearby, if mountings may also move slowly as found.
 ///
 /// # Errors
 /// Normal equations that are not positive definite.
@@ -30,28 +32,14 @@ pub fn conclude(
     problem: &JointProblem<'_>,
     state: &State,
     components: &[Component],
+    slow: &SlowMotions,
     stop: StopReason,
     iterations: usize,
 ) -> Result<Joint> {
-    let factor = problem.factor().ok_or_else(not_determined)?;
     let factored = problem.factored().unwrap_or(state);
     let layout = &problem.layout;
-    let surfels = layout.first_surfel..layout.first_patch + state.patches.len();
-    let inverse = factor.selected_inverse(|block| !surfels.contains(&block));
-    let mut sides: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
-    sides.extend(problem.sides_of_slopes(factored));
-    // Including the contributions of the reference's height and of noise of slopes.
-    let block = |a: usize, b: usize| {
-        let mut part = inverse.block(a, b)?;
-        for side in &sides {
-            let (rows, columns) = part.shape();
-            let segment = |place: usize, count| {
-                DVector::from_column_slice(&side[problem.offset(place)..][..count])
-            };
-            part += segment(a, rows) * segment(b, columns).transpose();
-        }
-        Some(part)
-    };
+    let all = Covariance::of(problem, factored, slow).ok_or_else(not_determined)?;
+    let block = |a: usize, b: usize| all.block(a, b);
     let count = state.mountings.len();
     let mut covariance = DMatrix::zeros(6 * count, 6 * count);
     // The unknowns are (δφ, δp), the covariance is given over (δp, δφ).
@@ -139,7 +127,7 @@ pub fn conclude(
             bending,
             motion_left: left[index],
             jumps: jumps(problem, bends, index, &block),
-            points: known_points(problem, state, index, &block),
+            points: known_points(&all, state, index),
             name: drive.name.clone(),
             trajectory: Trajectory::new(records)?,
             moved,

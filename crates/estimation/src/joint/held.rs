@@ -24,6 +24,11 @@ pub struct HeldMotion {
 }
 
 impl HeldMotion {
+    /// Whether it is of this scanner in this drive.
+    pub fn is_of(&self, drive: usize, scanner: usize) -> bool {
+        (self.drive, self.scanner) == (drive, scanner)
+    }
+
     /// Adds the derivatives of a row at a time, given those by the mounting.
     pub fn touch(&self, time_s: f64, by_mounting: &[f64; 6], batch: &mut RowBatch) {
         let share = (time_s - self.from_s) / self.duration_s;

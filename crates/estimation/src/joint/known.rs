@@ -1,9 +1,9 @@
 //! Uncertainties if mountings move. Points on the ground are known better than poses and mountings, whose errors
 //! compensate each other, and part of what is known of the mountings rests on their priors alone.
 
-use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::covariance::Covariance;
 use super::problem::JointProblem;
 use super::result::KnownPoint;
 use super::row::RowBatch;
@@ -19,15 +19,14 @@ const POINTS: usize = 400;
 /// A point x_m = t_mb + R_mb (t_bs + R_bs x_s) has the covariance J P Jᵀ with the derivatives J by all unknowns
 /// that place it. Its row couples all of these unknowns, so P is among the selected parts of the inverse.
 pub fn known_points(
-    problem: &JointProblem<'_>,
+    covariance: &Covariance<'_>,
     state: &State,
     drive: usize,
-    block: &(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync),
 ) -> Vec<Vec<KnownPoint>> {
+    let problem = covariance.problem;
     let motion = state.motions[drive].as_ref();
     let context = problem.scan_context(drive, state);
-    let blocks = problem.scan_blocks(drive, &problem.layout.of_scanners);
-    let sizes = &problem.layout.sizes;
+    let blocks = problem.scan_blocks(drive, &covariance.slow.blocks(problem, drive));
     let count = state.mountings.len();
     let rows = (0..motion.steps()).flat_map(|step| {
         context
@@ -58,7 +57,7 @@ pub fn known_points(
                     let mut batch = RowBatch::default();
                     batch.begin(0, 1.0, 0.0);
                     scans.place(scanner, &mean, 1.0, &blocks, &mut batch);
-                    variance[axis] = variance_of(&batch, sizes, block)?;
+                    variance[axis] = covariance.of_row(&batch.rows().next()?, drive)?;
                 }
                 Some(KnownPoint {
                     time_s,
@@ -111,31 +110,4 @@ pub fn prior_shares(problem: &JointProblem<'_>, state: &State) -> Vec<f64> {
         .zip(variances)
         .map(|(share, variance)| share / variance)
         .collect()
-}
-
-/// The variance j P jᵀ of the first row.
-fn variance_of(
-    batch: &RowBatch,
-    sizes: &[usize],
-    block: &dyn Fn(usize, usize) -> Option<DMatrix<f64>>,
-) -> Option<f64> {
-    let row = batch.rows().next()?;
-    let mut at = 0;
-    let parts = row.blocks.iter().map(|&b| {
-        let size = sizes[b as usize];
-        at += size;
-        (
-            b as usize,
-            DVector::from_column_slice(&row.by[at - size..at]),
-        )
-    });
-    let parts: Vec<(usize, DVector<f64>)> = parts.collect();
-    let mut sum = 0.0;
-    for (i, (a, by_a)) in parts.iter().enumerate() {
-        sum += by_a.dot(&(block(*a, *a)? * by_a));
-        for (b, by_b) in &parts[..i] {
-            sum += 2.0 * by_a.dot(&(block(*a, *b)? * by_b));
-        }
-    }
-    Some(sum)
 }

@@ -44,8 +44,8 @@ pub struct ScannerBlocks {
     pub late: Vec<Option<usize>>,
     /// Of what is added to all ranges.
     pub range: Vec<Option<usize>>,
-    /// A slow motion of a mounting, which is only ever held.
-    pub motion: Option<HeldMotion>,
+    /// Slow motions of mountings, which are only ever held.
+    pub motions: Vec<HeldMotion>,
 }
 
 impl Layout {
@@ -105,7 +105,7 @@ impl Layout {
         let of_scanners = ScannerBlocks {
             late: late.map(|estimate| estimate.then(|| add(1, 1))).collect(),
             range: vec![None; input.mountings.len()],
-            motion: None,
+            motions: Vec::new(),
         };
         let count = if bends.is_some() {
             input.mountings.len()

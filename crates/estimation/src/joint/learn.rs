@@ -8,7 +8,7 @@ use super::problem::JointProblem;
 use super::state::State;
 
 /// Least standard deviation, radians and metres: a scanner cannot see smaller motions.
-const LEAST_SIGMA: f64 = 1e-5;
+pub const LEAST_SIGMA: f64 = 1e-5;
 /// Largest correlation between scanners: one thirtieth of the motion is then individual.
 const MOST_TOGETHER: f64 = 0.999;
 /// Largest exponent of a Newton step.

@@ -11,6 +11,7 @@ mod adjust;
 mod bend;
 mod components;
 mod conclude;
+mod covariance;
 mod fixed;
 mod held;
 mod input;

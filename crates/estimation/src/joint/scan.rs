@@ -378,10 +378,9 @@ impl<'a> StepScans<'a> {
             batch.touch(range, &[mean.by_range * w]);
         }
         let by_mounting = mean.by_mounting.map(|x| x * w);
-        if let Some(held) = &drive.of_scanners.motion
-            && (held.drive, held.scanner) == (self.context.drive, scanner)
-        {
-            held.touch(mean.time_s, &by_mounting, batch);
+        let motions = drive.of_scanners.motions.iter();
+        for motion in motions.filter(|motion| motion.is_of(self.context.drive, scanner)) {
+            motion.touch(mean.time_s, &by_mounting, batch);
         }
         if let Some(&compliance) = drive.compliance.get(scanner) {
             let by = mean.by_compliance.map(|x| x * w);

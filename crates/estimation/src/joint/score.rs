@@ -1,6 +1,6 @@
 //! Estimates of values that the adjustment holds.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::layout::UP;
@@ -33,11 +33,25 @@ pub struct RangeScore {
     pub moved_sigmas: f64,
 }
 
-/// An estimate of a held value.
-pub(super) struct Held {
-    pub score: Score,
-    /// The change of each unknown of each mounting with the value.
-    by_mountings: Vec<[f64; 6]>,
+/// Held values τ and what the rows say about them, if everything else follows them as it fits best.
+pub struct HeldValues {
+    /// Σ w D Dᵀ.
+    pub information: DMatrix<f64>,
+    /// −Σ w D r.
+    pub gradient: DVector<f64>,
+    /// The change of each unknown (column) with each value (row).
+    pub follow: DMatrix<f64>,
+}
+
+impl HeldValues {
+    /// The estimate of a value, while the others stay held: g/I with the variance 1/I.
+    pub fn score(&self, value: usize) -> Option<Score> {
+        let information = self.information[(value, value)];
+        (information > 0.0).then(|| Score {
+            value: self.gradient[value] / information,
+            sigma: information.sqrt().recip(),
+        })
+    }
 }
 
 /// Estimates of all values that are held.
@@ -65,65 +79,73 @@ impl JointProblem<'_> {
         blocks.range.fill_with(|| next.next());
         let up = self.layout.reference.map(|block| self.offset(block) + UP);
         let added = late.len() + scanners;
-        let mut estimates = self.score(added, up, |visit| self.visit_with(state, &blocks, visit));
-        let height = up.and_then(|_| estimates.pop()?);
-        let ranges = estimates.split_off(late.len()).into_iter();
-        let range = ranges.map(|held| {
-            held.map(|held| RangeScore {
-                moved_sigmas: self.moved_sigmas(&held, covariance),
-                added: held.score,
-            })
-        });
         let mut scores = Scores {
             late: vec![None; scanners],
-            range: range.collect(),
-            // The unknown is the correction of the reference, with the opposite sign.
-            height: height.map(|held| Score {
-                value: -held.score.value,
-                ..held.score
-            }),
+            range: vec![None; scanners],
+            height: None,
         };
-        for (&scanner, held) in late.iter().zip(estimates) {
-            scores.late[scanner] = held.map(|held| held.score);
+        let visit = |visit: &mut dyn FnMut(&RowBatch)| self.visit_with(state, &blocks, visit);
+        let Some(held) = self.held_values(added, up, visit) else {
+            return scores;
+        };
+        for (value, &scanner) in late.iter().enumerate() {
+            scores.late[scanner] = held.score(value);
         }
+        for (scanner, range) in scores.range.iter_mut().enumerate() {
+            let value = late.len() + scanner;
+            *range = held.score(value).map(|added| RangeScore {
+                moved_sigmas: self.moved_sigmas(&held, value, added.value, covariance),
+                added,
+            });
+        }
+        // The unknown is the correction of the reference, with the opposite sign.
+        let down = up.and_then(|_| held.score(added));
+        scores.height = down.map(|down| Score {
+            value: -down.value,
+            ..down
+        });
         scores
     }
 
-    /// The largest change of a parameter of a mounting with the estimate of a held value, in standard deviations of the
-    /// parameter.
-    fn moved_sigmas(&self, held: &Held, covariance: &DMatrix<f64>) -> f64 {
-        let changes = held.by_mountings.iter().enumerate();
-        let changes = changes.flat_map(|(scanner, by)| {
+    /// The largest change of a parameter of a mounting with a held value, in standard deviations of the parameter.
+    fn moved_sigmas(
+        &self,
+        held: &HeldValues,
+        value: usize,
+        estimate: f64,
+        covariance: &DMatrix<f64>,
+    ) -> f64 {
+        let mountings = self.layout.mountings.iter().enumerate();
+        let changes = mountings.flat_map(|(scanner, &block)| {
+            let first = self.offset(block);
             // The unknowns are (δφ, δp).
-            (0..6).map(move |i| (6 * scanner + (i + 3) % 6, by[i]))
+            (0..6).map(move |i| (6 * scanner + (i + 3) % 6, first + i))
         });
-        let in_sigmas = changes.filter_map(|(parameter, by)| {
+        let in_sigmas = changes.filter_map(|(parameter, unknown)| {
             let variance = covariance[(parameter, parameter)];
-            let change = held.score.value * by;
+            let change = estimate * held.follow[(value, unknown)];
             (variance > 0.0).then(|| change.abs() / variance.sqrt())
         });
         in_sigmas.fold(0.0, f64::max)
     }
 
-    /// Estimates held values τ, each while the others stay held: so many whose places lie after all unknowns, and the
-    /// unknown at the place `within`. Rows have derivatives d by τ and J by all unknowns x. Unknowns follow τ with
-    /// x' = −H⁻¹ Jᵀ W d, rows with D = d + J x'. Then τ = −(Σ w D r)/(Σ w D²) with the variance 1/Σ w D².
-    pub(super) fn score(
+    /// What the rows say about held values τ: so many whose places lie after all unknowns, and last the unknown at the
+    /// place `within`. Rows have derivatives d by τ and J by all unknowns x. Unknowns follow τ with x' = −H⁻¹ Jᵀ W d,
+    /// rows with D = d + J x'. `None` without a factor.
+    pub(super) fn held_values(
         &self,
         added: usize,
         within: Option<usize>,
         visit: impl Fn(&mut dyn FnMut(&RowBatch)),
-    ) -> Vec<Option<Held>> {
+    ) -> Option<HeldValues> {
         let unknowns = self.unknowns();
         let held_at = |place: usize| match place.checked_sub(unknowns) {
             Some(held) => Some(held),
             None => (Some(place) == within).then_some(added),
         };
         let count = added + usize::from(within.is_some());
-        let Some(factor) = self.factor() else {
-            return (0..count).map(|_| None).collect();
-        };
-        let mut sides = vec![0.0; count * unknowns];
+        let factor = self.factor()?;
+        let mut sides = DMatrix::zeros(unknowns, count);
         let (mut places, mut held) = (Vec::new(), Vec::new());
         visit(&mut |batch| {
             // A row that touches nothing else holds τ.
@@ -133,7 +155,7 @@ impl JointProblem<'_> {
                 held.clear();
                 held.extend(all.filter_map(|(place, by)| Some((held_at(*place)?, *by))));
                 for &(value, d) in &held {
-                    let side = &mut sides[value * unknowns..][..unknowns];
+                    let mut side = sides.column_mut(value);
                     for (&place, by) in places.iter().zip(row.by) {
                         if place < unknowns {
                             side[place] -= row.weight * d * by;
@@ -143,62 +165,40 @@ impl JointProblem<'_> {
             }
         });
         // Held values do not follow.
-        let hold = |sides: &mut [f64]| {
+        let hold = |sides: &mut DMatrix<f64>| {
             if let Some(place) = within {
-                (0..count).for_each(|value| sides[value * unknowns + place] = 0.0);
+                sides.row_mut(place).fill(0.0);
             }
         };
         hold(&mut sides);
-        factor.solve(&mut sides, count);
+        factor.solve(sides.as_mut_slice(), count);
         hold(&mut sides);
         // By unknown, so that what a row needs lies together.
-        let mut follow = vec![0.0; count * unknowns];
-        for (place, follow) in follow.chunks_exact_mut(count).enumerate() {
-            for (value, follow) in follow.iter_mut().enumerate() {
-                *follow = sides[value * unknowns + place];
-            }
-        }
+        let follow = sides.transpose();
         drop(sides);
-        // Σ w D², Σ w D r, and D.
-        let mut sums = vec![[0.0; 2]; count];
-        let mut by_value = vec![0.0; count];
+        let mut information = DMatrix::zeros(count, count);
+        let mut gradient = DVector::zeros(count);
+        let mut by_value = DVector::zeros(count);
         visit(&mut |batch| {
             for row in batch.rows() {
                 self.places(&row, &mut places);
                 by_value.fill(0.0);
-                for (&place, by) in places.iter().zip(row.by) {
+                for (&place, &by) in places.iter().zip(row.by) {
                     match held_at(place) {
-                        None => {
-                            let follow = &follow[place * count..][..count];
-                            for (sum, follow) in by_value.iter_mut().zip(follow) {
-                                *sum += by * follow;
-                            }
-                        }
+                        None => by_value.axpy(by, &follow.column(place), 1.0),
                         Some(value) if row.blocks.len() > 1 => by_value[value] += by,
                         Some(_) => {}
                     }
                 }
-                for ([information, against], by) in sums.iter_mut().zip(&by_value) {
-                    *information += row.weight * by * by;
-                    *against += row.weight * by * row.residual;
-                }
+                information.syger(row.weight, &by_value, &by_value, 1.0);
+                gradient.axpy(-row.weight * row.residual, &by_value, 1.0);
             }
         });
-        let estimates = sums.into_iter().enumerate();
-        let estimates = estimates.map(|(value, [information, against])| {
-            (information > 0.0).then(|| Held {
-                score: Score {
-                    value: -against / information,
-                    sigma: information.sqrt().recip(),
-                },
-                by_mountings: (self.layout.mountings.iter())
-                    .map(|&block| {
-                        let first = self.offset(block);
-                        std::array::from_fn(|i| follow[(first + i) * count + value])
-                    })
-                    .collect(),
-            })
-        });
-        estimates.collect()
+        information.fill_upper_triangle_with_lower_triangle();
+        Some(HeldValues {
+            information,
+            gradient,
+            follow,
+        })
     }
 }

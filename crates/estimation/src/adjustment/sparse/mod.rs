@@ -17,5 +17,6 @@ mod system;
 mod tests;
 
 pub use factor::SparseFactor;
+pub use inverse::SelectedInverse;
 pub use pattern::BlockPattern;
 pub use system::SparseSystem;

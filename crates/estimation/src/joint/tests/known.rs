@@ -1,13 +1,18 @@
 //! Uncertainties with moving mountings, against dense algebra and finite differences.
 
+use std::f64::consts::{PI, SQRT_2};
+
 use super::case::Case;
 use super::rows::Dense;
 use super::rows::inverse;
 use crate::geometry::Vec3;
+use crate::joint::covariance::Covariance;
+use crate::joint::held::MODES;
 use crate::joint::known::{known_points, prior_shares};
 use crate::joint::problem::JointProblem;
 use crate::joint::row::RowBatch;
 use crate::joint::scan::StepScans;
+use crate::joint::slow::SlowMotions;
 use crate::joint::state::State;
 use crate::joint::surfel::RowPoint;
 
@@ -27,16 +32,29 @@ fn place(
 
 #[test]
 fn standard_deviations_of_points_are_those_of_finite_differences() {
-    for (name, case) in [("rigid", Case::plain()), ("moving", Case::moving())] {
+    for (name, case) in [
+        ("rigid", Case::plain()),
+        ("moving", Case::moving()),
+        ("slow", Case::plain()),
+    ] {
         let input = case.input();
         let (mut problem, state) = case.problem(&input);
         problem.factorise(&state).expect("positive definite");
-        let selected = problem
-            .factor()
-            .expect("factorised")
-            .selected_inverse(|_| true);
-        let block = |a: usize, b: usize| selected.block(a, b);
-        let known = known_points(&problem, &state, 0, &block);
+        let factor = problem.factor().expect("factorised");
+        let mut slow = SlowMotions::default();
+        if name == "slow" {
+            slow = SlowMotions::of(&problem, &state);
+            // Of different sizes, which move points about as much as everything else does.
+            let variances = slow.drives[0].variance.iter_mut().enumerate();
+            variances.for_each(|(i, variance)| *variance = 1e-11 * (i + 1) as f64);
+        }
+        let all = Covariance {
+            problem: &problem,
+            inverse: factor.selected_inverse(|_| true),
+            changes: Vec::new(),
+            slow: &slow,
+        };
+        let known = known_points(&all, &state, 0);
         let covariance = inverse(&Dense::new(&problem, &state).h());
         let rows = &problem.association.drives[0];
         for (scanner, known) in known.iter().enumerate() {
@@ -66,7 +84,22 @@ fn standard_deviations_of_points_are_those_of_finite_differences() {
                 };
                 jacobian.set_column(unknown, &((at(h) - at(-h)) / (2.0 * h)));
             }
-            let variance = &jacobian * &covariance * jacobian.transpose();
+            let mut variance = &jacobian * &covariance * jacobian.transpose();
+            for drive in &slow.drives {
+                // A coefficient moves the mounting at the time of the point, and all unknowns follow.
+                let mounting = problem.offset(problem.layout.mountings[scanner]);
+                for (value, of_value) in drive.variance.iter().enumerate() {
+                    let motion = &drive.motions[value / (6 * MODES)];
+                    let mut change = drive.held.follow.row(value).transpose();
+                    if motion.scanner == scanner {
+                        let share = (known.time_s - motion.from_s) / motion.duration_s;
+                        let mode = (value / 6 % MODES + 1) as f64;
+                        change[mounting + value % 6] += SQRT_2 * (mode * PI * share).cos();
+                    }
+                    let moved = &jacobian * change;
+                    variance += &moved * moved.transpose() * *of_value;
+                }
+            }
             for axis in 0..3 {
                 let ratio = known.sigma_m[axis] / variance[(axis, axis)].sqrt();
                 println!(

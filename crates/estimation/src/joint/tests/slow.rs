@@ -7,9 +7,14 @@ use super::dense::solve;
 use super::rows::{Dense, assert_near, freed};
 use super::whole::on_exact_reference;
 use crate::geometry::Vec3;
+use crate::joint::bend::Rung;
 use crate::joint::held::MODES;
-use crate::joint::slow::{slow_contradiction, slow_motions};
-use nalgebra::DVector;
+use crate::joint::score::HeldValues;
+use crate::joint::slow::{SlowMotions, weigh};
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 #[test]
 fn estimates_are_those_with_the_motion_among_the_unknowns() {
@@ -18,8 +23,11 @@ fn estimates_are_those_with_the_motion_among_the_unknowns() {
     let (mut problem, mut state) = case.problem(&input);
     solve(&mut problem, &mut state);
     problem.factorise(&state).expect("positive definite");
-    let motions = slow_motions(&problem, &state);
-    assert_eq!(motions.len(), 2 * 6 * MODES);
+    let all = SlowMotions::of(&problem, &state);
+    let [of_drive] = &all.drives[..] else {
+        panic!("{} drives", all.drives.len());
+    };
+    assert_eq!(of_drive.variance.len(), 2 * 6 * MODES);
 
     let dense = Dense::new(&problem, &state);
     // In the order of the rows.
@@ -37,9 +45,10 @@ fn estimates_are_those_with_the_motion_among_the_unknowns() {
         .collect();
     assert!(scans.next().is_none());
     for (scanner, place) in [(0, 0), (0, 17), (0, 35), (1, 8)] {
-        let motion = &motions[6 * MODES * scanner + place];
+        assert_eq!(of_drive.motions[scanner].scanner, scanner);
+        let score = of_drive.held.score(6 * MODES * scanner + place);
+        let score = score.expect("information");
         let (mode, component) = (place / 6 + 1, place % 6);
-        assert_eq!((motion.scanner, motion.component), (scanner, component));
         let profiles = &case.samples[scanner].profiles;
         let [from_s, to_s] = [0, profiles.len() - 1].map(|i| profiles[i].time_s);
         let mounting = problem.offset(problem.layout.mountings[scanner]);
@@ -57,7 +66,7 @@ fn estimates_are_those_with_the_motion_among_the_unknowns() {
             ..dense.clone()
         };
         let name = format!("scanner {scanner}, {place}");
-        assert_near(&name, motion.score, freed(&among_unknowns, 0));
+        assert_near(&name, score, freed(&among_unknowns, 0));
     }
 }
 
@@ -74,8 +83,10 @@ fn a_scanner_that_turns_slowly_is_named() {
         let (mut problem, mut state) = case.problem(&input);
         solve(&mut problem, &mut state);
         problem.factorise(&state).expect("positive definite");
-        let estimate = slow_motions(&problem, &state)[0].score;
-        (estimate, slow_contradiction(&problem, &state))
+        let all = SlowMotions::of(&problem, &state);
+        let text = all.contradiction(&problem, Rung::Rigid);
+        let estimate = all.drives[0].held.score(0).expect("information");
+        (estimate, text)
     };
     let (clean, text) = turning(0.0);
     assert!(clean.sigmas() < 3.0 && text.is_none());
@@ -84,5 +95,54 @@ fn a_scanner_that_turns_slowly_is_named() {
     assert!((estimate.value - size_rad).abs() < 3.0 * estimate.sigma);
     let text = text.expect("a motion");
     println!("{text}");
-    assert!(text.contains("rigid mounting") && text.contains("`left` turned slowly about x"));
+    assert!(text.contains("rigid mounting") && text.contains("`left` is turned slowly about x"));
+}
+
+/// Coefficients of two scanners whose information is that of `rows` random rows: held values without motion, or with one of
+/// this size.
+fn drawn(rng: &mut ChaCha8Rng, rows: usize, size: f64) -> HeldValues {
+    let count = 2 * 6 * MODES;
+    let mut normal = || -> f64 { StandardNormal.sample(rng) };
+    let by = DMatrix::from_fn(rows, count, |_, _| 1e3 * normal());
+    let value = DVector::from_fn(count, |i, _| size / (1 + i / 6 % MODES) as f64 * normal());
+    let residuals = DVector::from_fn(rows, |_, _| normal()) - &by * value;
+    HeldValues {
+        information: by.tr_mul(&by),
+        gradient: -by.tr_mul(&residuals),
+        follow: DMatrix::zeros(count, 0),
+    }
+}
+
+#[test]
+fn evidence_for_motions_is_rare_without_any_and_their_size_is_found() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let is_free = [true; 2 * 6 * MODES];
+    // The expectation of the likelihood ratio is one, and so it exceeds 1/α with a probability below α.
+    let ratios = (0..200).map(|_| weigh(&drawn(&mut rng, 80, 0.0), &is_free).0.exp());
+    let ratios: Vec<f64> = ratios.collect();
+    let above = |limit: f64| ratios.iter().filter(|ratio| **ratio > limit).count();
+    println!("{} above 1, {} above 10", above(1.0), above(10.0));
+    assert!(above(10.0) < 20);
+    // A size of 1 mm or 1 mrad, where rows show 0.1.
+    let modes: f64 = (1..=MODES).map(|k| (k as f64).powi(-2)).sum();
+    let variances = (0..20).map(|_| {
+        let (evidence, variance) = weigh(&drawn(&mut rng, 80, 1e-3 / modes.sqrt()), &is_free);
+        assert!(evidence > (1e3_f64).ln());
+        let of_motion: f64 = variance.iter().skip(3).step_by(6).take(MODES).sum();
+        of_motion
+    });
+    let root = (variances.sum::<f64>() / 20.0).sqrt();
+    println!("{root}");
+    // Sizes are a factor of 1.8 apart, and 36 coefficients show one to 12 %.
+    assert!((root / 1e-3 - 1.0).abs() < 0.3);
+}
+
+#[test]
+fn fixed_components_do_not_move() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let is_free: Vec<bool> = (0..2 * 6 * MODES).map(|i| i % 6 < 3).collect();
+    let (_, variance) = weigh(&drawn(&mut rng, 80, 1e-3), &is_free);
+    for (variance, is_free) in variance.iter().zip(is_free) {
+        assert_eq!(*variance > 0.0, is_free);
+    }
 }
