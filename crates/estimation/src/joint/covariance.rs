@@ -58,16 +58,16 @@ impl<'a> Covariance<'a> {
     /// The variance j P jᵀ of a row of a drive with the derivatives j, also by the slow motions of this drive; `None` if
     /// no row couples its blocks.
     pub fn of_row(&self, row: &Row<'_>, drive: usize) -> Option<f64> {
-        let sizes = &self.problem.layout.sizes;
-        let mut at = 0;
-        let parts = row.blocks.iter().filter_map(|&block| {
+        let (mut by, mut parts) = (row.by, Vec::new());
+        for &block in row.blocks {
             // A coefficient of a motion is no unknown.
-            let size = sizes.get(block as usize);
-            at += size.unwrap_or(&1);
-            let by = DVector::from_column_slice(&row.by[at - size?..at]);
-            Some((block as usize, by))
-        });
-        let parts: Vec<(usize, DVector<f64>)> = parts.collect();
+            let size = self.problem.layout.sizes.get(block as usize);
+            let (of_block, others) = by.split_at(*size.unwrap_or(&1));
+            by = others;
+            if size.is_some() {
+                parts.push((block as usize, DVector::from_column_slice(of_block)));
+            }
+        }
         let mut sum = 0.0;
         for (i, (a, by_a)) in parts.iter().enumerate() {
             sum += by_a.dot(&(self.inverse.block(*a, *a)? * by_a));

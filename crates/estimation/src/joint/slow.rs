@@ -76,16 +76,13 @@ impl SlowMotions {
         let axis = ["x", "y", "z"][component % 3];
         let size = score.value.abs();
         let moves = if component < 3 {
-            format!(
-                "is turned slowly about {axis}, by {:.3}°",
-                size.to_degrees()
-            )
+            format!("turns about {axis}, by {:.3}°", size.to_degrees())
         } else {
-            format!("is shifted slowly along {axis}, by {:.2} mm", 1e3 * size)
+            format!("shifts along {axis}, by {:.2} mm", 1e3 * size)
         };
         Some(format!(
-            "scans and sensors contradict a {} mounting: slow motions make them 10^{:.1} times as likely (at most \
-             10^{:.1}), most clearly that scanner `{name}` {moves} (root mean square, {:.1} standard deviations)",
+            "scans and sensors contradict a {} mounting: they are 10^{:.1} times as likely if mountings move slowly (at \
+             most 10^{:.1}), most clearly if scanner `{name}` {moves} (root mean square, {:.1} standard deviations)",
             rung.name(),
             drive.evidence / std::f64::consts::LN_10,
             limit.exp().log10(),

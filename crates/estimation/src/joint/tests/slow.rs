@@ -95,7 +95,7 @@ fn a_scanner_that_turns_slowly_is_named() {
     assert!((estimate.value - size_rad).abs() < 3.0 * estimate.sigma);
     let text = text.expect("a motion");
     println!("{text}");
-    assert!(text.contains("rigid mounting") && text.contains("`left` is turned slowly about x"));
+    assert!(text.contains("rigid mounting") && text.contains("`left` turns about x"));
 }
 
 /// Coefficients of two scanners whose information is that of `rows` random rows: held values without motion, or with one of
