@@ -193,9 +193,12 @@ pub fn at_rung(
                     return Ok(Outcome::Contradicted(reasons));
                 }
             }
-            let may_move = rung < Rung::SlowKnots.min(settings.mounting.most);
-            let slow = may_move.then(|| SlowMotions::of(&problem, &state));
-            let slow = slow.unwrap_or_default();
+            // Knots follow slow motions, and beyond the highest rung of the settings there are none.
+            let slow = if rung < Rung::SlowKnots.min(settings.mounting.most) {
+                SlowMotions::of(&problem, &state)
+            } else {
+                SlowMotions::default()
+            };
             if may_climb && let Some(reason) = slow.contradiction(&problem, rung) {
                 return Ok(Outcome::Contradicted(vec![reason]));
             }

@@ -55,10 +55,11 @@ impl SlowMotions {
 
     /// The blocks of the scanners' constants, with those of the motions in a drive, which lie after all unknowns.
     pub fn blocks(&self, problem: &JointProblem<'_>, drive: usize) -> ScannerBlocks {
-        let mut blocks = problem.layout.of_scanners.clone();
         let of_drive = self.drives.iter().filter(|slow| slow.drive == drive);
-        blocks.motions = of_drive.flat_map(|slow| slow.motions.clone()).collect();
-        blocks
+        ScannerBlocks {
+            motions: of_drive.flat_map(|slow| slow.motions.clone()).collect(),
+            ..problem.layout.of_scanners.clone()
+        }
     }
 
     /// The contradiction between the observations and mountings that move as a rung allows, in words. If mountings do not
@@ -66,8 +67,8 @@ impl SlowMotions {
     pub fn contradiction(&self, problem: &JointProblem<'_>, rung: Rung) -> Option<String> {
         let drives = self.drives.iter();
         let drive = drives.max_by(|a, b| a.evidence.total_cmp(&b.evidence))?;
-        let limit = (self.drives.len() as f64 / LEVEL).ln();
-        if drive.evidence <= limit {
+        let limit = self.drives.len() as f64 / LEVEL;
+        if drive.evidence <= limit.ln() {
             return None;
         }
         let (value, score) = drive.clearest()?;
@@ -85,7 +86,7 @@ impl SlowMotions {
              most 10^{:.1}), most clearly if scanner `{name}` {moves} (root mean square, {:.1} standard deviations)",
             rung.name(),
             drive.evidence / std::f64::consts::LN_10,
-            limit.exp().log10(),
+            limit.log10(),
             score.sigmas(),
         ))
     }
@@ -116,8 +117,10 @@ impl DriveMotions {
         if motions.is_empty() {
             return None;
         }
-        let mut blocks = problem.layout.of_scanners.clone();
-        blocks.motions = motions.clone();
+        let blocks = ScannerBlocks {
+            motions: motions.clone(),
+            ..problem.layout.of_scanners.clone()
+        };
         let visit = |visit: &mut dyn FnMut(&RowBatch)| problem.visit_with(state, &blocks, visit);
         let held = problem.held_values(6 * MODES * motions.len(), None, visit)?;
         let is_free: Vec<bool> = motions
