@@ -234,7 +234,6 @@ fn the_papers_method_corrects_the_height_but_needs_more_iterations() {
         // squares may leave a tenth of that at this scale, 17 % of the voxel.
         assert!(errors[2].abs() < 0.0087, "{errors:?}");
     }
-    assert!(scale.costs[20] < 0.6 * scale.costs[0], "{:?}", scale.costs);
     // The reweighted method converges after 5.
     assert_eq!(scale.iterations, 20);
     assert!(!calibration.converged);
