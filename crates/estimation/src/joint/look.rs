@@ -5,7 +5,6 @@ use rayon::prelude::*;
 
 use super::components::{Component, MAX_STEP};
 use super::motion::Motion;
-use super::priors::SURFEL_SIGMA;
 use super::problem::JointProblem;
 use super::row::{row_trust, surfel_trust};
 use super::scan::{Mean, StepScans};
@@ -166,9 +165,12 @@ impl JointProblem<'_> {
             .zip(&state.shapes)
             .map(|(surfel, shape)| {
                 let Some(prior) = &surfel.prior else {
-                    let weights = Vec3::from(SURFEL_SIGMA.map(f64::recip));
-                    let squares = weights.component_mul(&weights);
-                    return (Mat3::from_diagonal(&squares), -squares.component_mul(shape));
+                    let squares = Vec3::from(surfel.assumed.sigma).map(|sigma| sigma.powi(-2));
+                    let apart = shape - Vec3::from(surfel.assumed.shape);
+                    return (
+                        Mat3::from_diagonal(&squares),
+                        -squares.component_mul(&apart),
+                    );
                 };
                 let rows = self.reference_rows(surfel, prior, shape, state);
                 let weights = Vec3::from_fn(|i, _| rows[i].weight);

@@ -14,12 +14,6 @@ use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::heading::wrap;
 use crate::geometry::so3::right_jacobian_inverse;
 
-/// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
-/// the problem solvable: ten thousand surfels together must not hold the common height to less than a metre.
-/// Slopes are relative to a plane through the points. Across a narrow strip of points hardly anything else
-/// determines them: surfels that may stand upright follow every move of the points, and steps hardly become
-/// shorter.
-pub const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
 /// Standard deviations of the position (metres) and rotation of a mounting that another adjustment knows, beside its
 /// covariance: so wide that they add nothing.
 const KNOWN_SIGMA: [f64; 2] = [1.0, 1.0];
@@ -99,10 +93,12 @@ impl JointProblem<'_> {
         for (index, (surfel, shape)) in surfels {
             let block = self.layout.first_surfel + index;
             let Some(prior) = &surfel.prior else {
-                for (i, sigma) in SURFEL_SIGMA.iter().enumerate() {
+                let assumed = &surfel.assumed;
+                for (i, sigma) in assumed.sigma.iter().enumerate() {
                     let mut by = [0.0; 3];
                     by[i] = 1.0 / sigma;
-                    batch.begin(self.groups.assumed, 1.0, shape[i] / sigma);
+                    let residual = (shape[i] - assumed.shape[i]) / sigma;
+                    batch.begin(self.groups.assumed, 1.0, residual);
                     batch.touch(block, &by);
                 }
                 continue;

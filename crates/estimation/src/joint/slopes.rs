@@ -6,7 +6,6 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::priors::SURFEL_SIGMA;
 use super::problem::JointProblem;
 use super::state::State;
 use crate::calibration::INITIAL_SIGMA;
@@ -69,8 +68,8 @@ impl JointProblem<'_> {
 
     /// The expectation of what noise of slopes adds to the normal matrix along these changes of all unknowns: the sum over
     /// surfels of Σ E_st D_sᵀ (1 − A C Aᵀ) D_t over both slopes s and t, with the derivatives A of rows by (a, b, c), C =
-    /// (AᵀA + P)⁻¹ with what is assumed about them, the covariance E = C AᵀA C of their noise, and the derivatives D_s of
-    /// the rows along the changes, differentiated by s.
+    /// (AᵀA + P)⁻¹ with what is assumed about them, the covariance E = C AᵀA C of their noise (C if what is assumed is a
+    /// mean that has noise itself), and the derivatives D_s of the rows along the changes, differentiated by s.
     pub(super) fn noise_of_slopes(&self, state: &State, changes: &DMatrix<f64>) -> DMatrix<f64> {
         let rows = self.rows_of_surfels(state, changes);
         // Derivatives are linear in the slopes.
@@ -95,13 +94,17 @@ impl JointProblem<'_> {
             let squares: Mat3 = squares.sum();
             let surfel = &self.association.surfels[rows[of_surfel[0]].surfel];
             let assumed = match surfel.prior {
-                None => Vec3::from(SURFEL_SIGMA).map(|sigma| sigma.powi(-2)),
+                None => Vec3::from(surfel.assumed.sigma).map(|sigma| sigma.powi(-2)),
                 Some(_) => Vec3::zeros(),
             };
             let Some(c) = (squares + Mat3::from_diagonal(&assumed)).try_inverse() else {
                 continue;
             };
-            let e = (c * squares * c).fixed_view::<2, 2>(1, 1).into_owned();
+            let mut noisy = squares;
+            if surfel.assumed.is_mean {
+                noisy += Mat3::from_diagonal(&assumed);
+            }
+            let e = (c * noisy * c).fixed_view::<2, 2>(1, 1).into_owned();
             let Some(e) = e.cholesky() else {
                 continue;
             };

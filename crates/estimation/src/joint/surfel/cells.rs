@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Gates, Grid, MIN_POINTS, ReferencePlane, Surfel};
+use super::{Assumed, Gates, Grid, MIN_POINTS, ReferencePlane, Surfel};
 use crate::cloud::StructureTensor;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::so3::exp;
@@ -241,6 +241,7 @@ fn fit(
     }
     let axis = |i: usize| grid.world(&eigen.vectors.column(i).into_owned());
     let slope = |value: f64| roughness_m / (sums.count * value).sqrt();
+    let slope_sigma = [slope(eigen.values.x), slope(eigen.values.y)];
     Some(Surfel {
         centre_m: grid.world(&tensor.mean),
         axes: [axis(2), axis(0), axis(1)],
@@ -249,11 +250,13 @@ fn fit(
         scatter_m: roughness_m,
         class: 0,
         is_checked: reference.is_some(),
+        slope_sigma,
+        assumed: Assumed::default(),
         prior: reference.map(|_| ReferencePlane {
             sigma: [
                 roughness_m / sums.count.sqrt(),
-                slope(eigen.values.x),
-                slope(eigen.values.y),
+                slope_sigma[0],
+                slope_sigma[1],
             ],
             patch: 0,
         }),

@@ -5,6 +5,7 @@ mod association;
 mod cells;
 mod grid;
 mod level;
+mod planes;
 mod regions;
 mod relief;
 
@@ -32,12 +33,20 @@ pub const COVERAGES: usize = COVERAGE_SHARES.len();
 /// Least standard deviation of a row and of the reference's offset, metres.
 pub const LEAST_SIGMA_M: f64 = 1e-5;
 
+/// Standard deviations of a surfel's offset (metres) and slopes without a reference, so wide that they only keep
+/// the problem solvable: ten thousand surfels together must not hold the common height to less than a metre.
+/// Slopes are relative to a plane through the points. Across a narrow strip of points hardly anything else
+/// determines them: surfels that may stand upright follow every move of the points, and steps hardly become
+/// shorter.
+const SURFEL_SIGMA: [f64; 3] = [100.0, 0.2, 0.2];
+
 /// Number of classes of roughness.
 pub const CLASSES: usize = CLASS_SIZES.len();
 
 /// A patch of the surface: the plane n·(x − c) = a + b u + c v with u and v along its own axes; a,
 /// b and c are unknowns.
 #[derive(Debug, Clone)]
+#[cfg_attr(test, derive(Default))]
 pub struct Surfel {
     /// World, metres.
     pub centre_m: Vec3,
@@ -54,8 +63,32 @@ pub struct Surfel {
     pub class: usize,
     /// Whether it lies on the reference, or several passes or scanners saw it.
     pub is_checked: bool,
+    /// Standard deviations of its slopes by the scatter of its points.
+    pub slope_sigma: [f64; 2],
+    /// What is assumed about (a, b, c) without a reference.
+    pub assumed: Assumed,
     /// The reference's prior of (a, b, c); `None` if the reference has no points there.
     pub prior: Option<ReferencePlane>,
+}
+
+/// What is assumed about (a, b, c) of a surfel: metres and slopes.
+#[derive(Debug, Clone, Copy)]
+pub struct Assumed {
+    pub shape: [f64; 3],
+    /// Standard deviations.
+    pub sigma: [f64; 3],
+    /// Whether the slopes are a mean of estimates, with the noise of their standard deviation.
+    pub is_mean: bool,
+}
+
+impl Default for Assumed {
+    fn default() -> Self {
+        Self {
+            shape: [0.0; 3],
+            sigma: SURFEL_SIGMA,
+            is_mean: false,
+        }
+    }
 }
 
 /// The reference's plane of a surfel. It defines the surfel's own frame, so that a = b = c = 0.

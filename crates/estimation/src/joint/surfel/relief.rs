@@ -10,7 +10,7 @@ use crate::geometry::Vec3;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
 /// Edge of the regions in which the ground is alike, in larger surfels.
-const REGION_SIZES: f64 = 8.0;
+pub const REGION_SIZES: f64 = 8.0;
 /// A scanner moves in six directions within a step, and a plane has three unknowns.
 const MOTION: usize = 6;
 const PLANE: f64 = 3.0;

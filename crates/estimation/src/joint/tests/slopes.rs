@@ -39,7 +39,12 @@ fn of_surfels(problem: &JointProblem<'_>) -> std::ops::Range<usize> {
 fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
     for (name, case) in Case::all() {
         let input = case.input();
-        let (problem, state) = case.problem(&input);
+        let (mut problem, state) = case.problem(&input);
+        let surfels = problem.association.surfels.iter_mut();
+        for surfel in surfels.filter(|surfel| surfel.prior.is_none()).step_by(3) {
+            surfel.assumed.sigma = [100.0, 0.01, 0.01];
+            surfel.assumed.is_mean = true;
+        }
         let dense = Dense::new(&problem, &state);
         // What follows changes of three parameters of the mountings.
         let covariance = inverse(&dense.h());
@@ -51,16 +56,15 @@ fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
         let a = dense.jacobian.columns_range(of_surfels(&problem));
         let normal = a.tr_mul(&(DMatrix::from_diagonal(&dense.weights) * a));
         let own = inverse(&normal);
-        let is_measured = dense.groups.iter().zip(&dense.weights);
-        let is_measured = is_measured.map(|(&group, &weight)| {
-            if group == problem.groups.assumed {
-                0.0
-            } else {
-                weight
-            }
-        });
-        let measured = DMatrix::from_diagonal(&DVector::from_iterator(a.nrows(), is_measured));
-        let of_noise = &own * a.tr_mul(&(measured * a)) * &own;
+        let surfels = &problem.association.surfels;
+        // What is assumed has no noise, unless it is a mean.
+        let is_noisy = |row: usize| {
+            let surfel = a.row(row).transpose().iamax() / 3;
+            dense.groups[row] != problem.groups.assumed || surfels[surfel].assumed.is_mean
+        };
+        let noisy = (0..a.nrows()).map(|row| f64::from(is_noisy(row)) * dense.weights[row]);
+        let noisy = DMatrix::from_diagonal(&DVector::from_iterator(a.nrows(), noisy));
+        let of_noise = &own * a.tr_mul(&(noisy * a)) * &own;
         // The matrix is a sum over surfels and quadratic in their slopes, so second differences are exact, and may be
         // those of all surfels at once.
         let at = |shapes: &dyn Fn(usize) -> [f64; 2]| {
