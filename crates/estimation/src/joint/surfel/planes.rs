@@ -16,6 +16,8 @@ const MIN_SURFELS: usize = 6;
 const CANDIDATES: usize = 32;
 /// Normals in one plane differ by at most this many standard deviations of their noise.
 const PLANE_SIGMAS: f64 = 4.0;
+/// Square of the sine of 45°, beyond which slopes are no longer small however noisy they are.
+const STEEPEST: f64 = 0.5;
 /// Least variance of slopes that are estimated one by one, in variances of their noise: if they truly differ by less than
 /// their noise, their mean is nearer to each of them than its own estimate.
 const OWN_SLOPES: f64 = 2.0;
@@ -59,7 +61,8 @@ fn alike(surfels: &[Surfel], members: &[usize]) -> Option<Vec<usize>> {
     let around = |normal: &Vec3, variance: f64| {
         let is_like = |index: &usize| {
             let apart = surfels[*index].axes[0].cross(normal).norm_squared();
-            apart < PLANE_SIGMAS * PLANE_SIGMAS * (noise(&surfels[*index]) + variance)
+            let limit = PLANE_SIGMAS * PLANE_SIGMAS * (noise(&surfels[*index]) + variance);
+            apart < limit.min(STEEPEST)
         };
         let alike: Vec<usize> = members.iter().copied().filter(is_like).collect();
         (alike.len() >= MIN_SURFELS).then_some(alike)
