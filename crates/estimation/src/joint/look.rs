@@ -165,7 +165,7 @@ impl JointProblem<'_> {
             .zip(&state.shapes)
             .map(|(surfel, shape)| {
                 let Some(prior) = &surfel.prior else {
-                    let squares = Vec3::from(surfel.assumed.sigma).map(|sigma| sigma.powi(-2));
+                    let squares = surfel.assumed.information();
                     let apart = shape - Vec3::from(surfel.assumed.shape);
                     return (
                         Mat3::from_diagonal(&squares),

@@ -66,7 +66,7 @@ impl JointProblem<'_> {
             if i == 0 {
                 value += state.patches[prior.patch as usize];
             }
-            let weight = 1.0 / (prior.sigma[i] * scale).hypot(LEAST_PLANE_SIGMA[i]);
+            let weight = 1.0 / (surfel.plane_sigma[i] * scale).hypot(LEAST_PLANE_SIGMA[i]);
             let mut by_shape = [0.0; 3];
             if i == 0 {
                 by_shape = [1.0, u_axis.dot(&moved_m), v_axis.dot(&moved_m)];

@@ -94,17 +94,18 @@ impl JointProblem<'_> {
             let squares: Mat3 = squares.sum();
             let surfel = &self.association.surfels[rows[of_surfel[0]].surfel];
             let assumed = match surfel.prior {
-                None => Vec3::from(surfel.assumed.sigma).map(|sigma| sigma.powi(-2)),
+                None => surfel.assumed.information(),
                 Some(_) => Vec3::zeros(),
             };
             let Some(c) = (squares + Mat3::from_diagonal(&assumed)).try_inverse() else {
                 continue;
             };
-            let mut noisy = squares;
-            if surfel.assumed.is_mean {
-                noisy += Mat3::from_diagonal(&assumed);
-            }
-            let e = (c * noisy * c).fixed_view::<2, 2>(1, 1).into_owned();
+            let e = if surfel.assumed.is_mean {
+                c
+            } else {
+                c * squares * c
+            };
+            let e = e.fixed_view::<2, 2>(1, 1).into_owned();
             let Some(e) = e.cholesky() else {
                 continue;
             };

@@ -6,7 +6,7 @@ use super::cells::ReferenceCells;
 use super::level::{Level, Placed};
 use super::planes::share_slopes;
 use super::regions::regions;
-use super::relief::{REGION_SIZES, rougher};
+use super::relief::rougher;
 use super::{
     Association, CLASS_SIZES, CLASSES, COVERAGE_SHARES, COVERAGES, DriveRows, Gates, ScanRow,
     Surfel, keep,
@@ -57,7 +57,6 @@ pub fn associate(
         .collect();
     let at = |reference: &ReferenceCells| Level::new(&placed, scans, motions, reference, gates);
     let level = at(&references[0]);
-    let grid = references[0].grid;
     let regions = regions(&level.surfels, &level.tallies, level.grid.size_m);
     let (mut surfels, mut drives) = match references.get(1) {
         Some(finer) => {
@@ -67,10 +66,8 @@ pub fn associate(
         }
         None => (level.surfels, level.drives),
     };
-    let region_m = REGION_SIZES * grid.size_m;
-    share_slopes(&mut surfels, |surfel| {
-        voxel_key(&grid.place(&surfel.centre_m), region_m)
-    });
+    let ground = references[0].grid.regions();
+    share_slopes(&mut surfels, |surfel| ground.key(&surfel.centre_m));
     let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
     for surfel in &mut surfels {
         if let Some(prior) = &mut surfel.prior {

@@ -241,7 +241,6 @@ fn fit(
     }
     let axis = |i: usize| grid.world(&eigen.vectors.column(i).into_owned());
     let slope = |value: f64| roughness_m / (sums.count * value).sqrt();
-    let slope_sigma = [slope(eigen.values.x), slope(eigen.values.y)];
     Some(Surfel {
         centre_m: grid.world(&tensor.mean),
         axes: [axis(2), axis(0), axis(1)],
@@ -250,15 +249,12 @@ fn fit(
         scatter_m: roughness_m,
         class: 0,
         is_checked: reference.is_some(),
-        slope_sigma,
+        plane_sigma: [
+            roughness_m / sums.count.sqrt(),
+            slope(eigen.values.x),
+            slope(eigen.values.y),
+        ],
         assumed: Assumed::default(),
-        prior: reference.map(|_| ReferencePlane {
-            sigma: [
-                roughness_m / sums.count.sqrt(),
-                slope_sigma[0],
-                slope_sigma[1],
-            ],
-            patch: 0,
-        }),
+        prior: reference.map(|_| ReferencePlane { patch: 0 }),
     })
 }

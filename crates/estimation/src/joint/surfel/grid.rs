@@ -12,6 +12,8 @@ const TURNS: u32 = 32;
 /// Tilt of the voxels about two horizontal axes, radians, so that walls and floors are cut obliquely too: about 10°.
 /// Surfaces stay within a few voxels of their column.
 const TILT: [f64; 2] = [0.15, 0.2];
+/// Edge of the regions in which the ground is alike, in voxels.
+const REGION_SIZES: f64 = 8.0;
 
 /// Cubic voxels, turned against the world.
 ///
@@ -54,6 +56,11 @@ impl Grid {
     /// The same orientation with voxels of another size.
     pub fn with_size(self, size_m: f64) -> Self {
         Self { size_m, ..self }
+    }
+
+    /// The regions in which the ground is alike.
+    pub fn regions(self) -> Self {
+        self.with_size(REGION_SIZES * self.size_m)
     }
 
     /// The voxel of a point of the world.

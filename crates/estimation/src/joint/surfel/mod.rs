@@ -63,8 +63,9 @@ pub struct Surfel {
     pub class: usize,
     /// Whether it lies on the reference, or several passes or scanners saw it.
     pub is_checked: bool,
-    /// Standard deviations of its slopes by the scatter of its points.
-    pub slope_sigma: [f64; 2],
+    /// Standard deviations of the offset (metres) and slopes of the plane, by the scatter of the points that it is
+    /// fitted to.
+    pub plane_sigma: [f64; 3],
     /// What is assumed about (a, b, c) without a reference.
     pub assumed: Assumed,
     /// The reference's prior of (a, b, c); `None` if the reference has no points there.
@@ -81,6 +82,13 @@ pub struct Assumed {
     pub is_mean: bool,
 }
 
+impl Assumed {
+    /// The information that it adds about each of (a, b, c).
+    pub fn information(&self) -> Vec3 {
+        Vec3::from(self.sigma).map(|sigma| sigma.powi(-2))
+    }
+}
+
 impl Default for Assumed {
     fn default() -> Self {
         Self {
@@ -94,8 +102,6 @@ impl Default for Assumed {
 /// The reference's plane of a surfel. It defines the surfel's own frame, so that a = b = c = 0.
 #[derive(Debug, Clone)]
 pub struct ReferencePlane {
-    /// Standard deviations of offset (metres) and slopes.
-    pub sigma: [f64; 3],
     /// Index of its patch of the reference's surface errors.
     pub patch: u32,
 }

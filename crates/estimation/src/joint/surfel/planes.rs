@@ -31,10 +31,9 @@ pub fn share_slopes(surfels: &mut [Surfel], region: impl Fn(&Surfel) -> VoxelKey
             regions.entry(region(surfel)).or_default().push(index);
         }
     }
-    let regions: Vec<Vec<usize>> = regions.into_values().collect();
     let planes: Vec<(Vec<usize>, Plane)> = regions
         .into_par_iter()
-        .flat_map_iter(|members| planes(surfels, members))
+        .flat_map_iter(|(_, members)| planes(surfels, members))
         .collect();
     for (members, plane) in planes {
         for index in members {
@@ -47,7 +46,8 @@ pub fn share_slopes(surfels: &mut [Surfel], region: impl Fn(&Surfel) -> VoxelKey
 fn planes(surfels: &[Surfel], mut members: Vec<usize>) -> Vec<(Vec<usize>, Plane)> {
     let mut planes = Vec::new();
     while let Some(alike) = alike(surfels, &members) {
-        members.retain(|index| !alike.contains(index));
+        // Both are in ascending order.
+        members.retain(|index| alike.binary_search(index).is_err());
         let plane = Plane::of(surfels, &alike);
         if plane.scatter < OWN_SLOPES * plane.noise {
             planes.push((alike, plane));
@@ -78,7 +78,10 @@ fn alike(surfels: &[Surfel], members: &[usize]) -> Option<Vec<usize>> {
 
 /// The variance of the noise of both slopes together.
 fn noise(surfel: &Surfel) -> f64 {
-    surfel.slope_sigma.iter().map(|sigma| sigma * sigma).sum()
+    surfel.plane_sigma[1..]
+        .iter()
+        .map(|sigma| sigma * sigma)
+        .sum()
 }
 
 /// What surfels of one plane have in common.
@@ -156,7 +159,7 @@ mod tests {
             let sign = if random.random() { 1.0 } else { -1.0 };
             Surfel {
                 axes: [axis * sign, u, (axis * sign).cross(&u)],
-                slope_sigma: [SIGMA; 2],
+                plane_sigma: [0.0, SIGMA, SIGMA],
                 ..Surfel::default()
             }
         })

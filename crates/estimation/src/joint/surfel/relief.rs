@@ -5,12 +5,10 @@ use rayon::prelude::*;
 
 use super::level::Level;
 use super::{DriveRows, LEAST_SIGMA_M, ScanRow, Surfel};
-use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
+use crate::cloud::voxel::{VoxelKey, VoxelMap};
 use crate::geometry::Vec3;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
-/// Edge of the regions in which the ground is alike, in larger surfels.
-pub const REGION_SIZES: f64 = 8.0;
 /// A scanner moves in six directions within a step, and a plane has three unknowns.
 const MOTION: usize = 6;
 const PLANE: f64 = 3.0;
@@ -47,8 +45,8 @@ impl Ground {
 
 /// For each surfel of the coarser level whether rows of the finer one hold more information about the motion there.
 pub fn rougher(coarse: &Level, fine: &Level) -> Vec<bool> {
-    let region_m = REGION_SIZES * coarse.grid.size_m;
-    let region = |surfel: &Surfel| voxel_key(&coarse.grid.place(&surfel.centre_m), region_m);
+    let regions = coarse.grid.regions();
+    let region = |surfel: &Surfel| regions.key(&surfel.centre_m);
     let [before, after] = [coarse, fine].map(|level| grounds(level, &region));
     let information = |grounds: &VoxelMap<VoxelKey, Ground>, key| {
         grounds.get(&key).map_or(0.0, Ground::information)
