@@ -238,22 +238,24 @@ fn a_source_that_fails_and_returns_delays_no_other() {
     let field = field(temp.path(), &text);
     let (folder, clock) = (temp.path().join("drive"), Clock::default());
     let mut reopened = 0;
+    let mut sent: Vec<(f64, u64)> = Vec::new();
     record_for(8.0, &field, &folder, &clock, &mut |view| {
         mortal
             .is_dead
             .store((1.5..4.5).contains(&view.time_s), Ordering::Relaxed);
-        let [(_, mortal), (_, other), (_, absent)] = view.sources.as_slice() else {
+        let [(_, mortal), (_, steady), (_, absent)] = view.sources.as_slice() else {
             panic!("three sources");
         };
         reopened = mortal.reopened;
-        assert_eq!((other.reopened, absent.records), (0, 0));
-        if view.time_s > 2.0 {
-            assert!(
-                (80.0..120.0).contains(&other.rate_hz),
-                "{} Hz",
-                other.rate_hz
-            );
-        }
+        assert_eq!((steady.reopened, absent.records), (0, 0));
+        // A busy machine sends late: what counts is that all lines of half a second ago have arrived.
+        let earlier = sent.iter().rfind(|(at_s, _)| *at_s < view.time_s - 0.5);
+        let arrived = steady.records;
+        assert!(
+            earlier.is_none_or(|(_, sent)| arrived >= *sent),
+            "{arrived} of {earlier:?}"
+        );
+        sent.push((view.time_s, other.sent()));
         if (3.5..4.5).contains(&view.time_s) {
             assert!(mortal.is_silent && !mortal.is_open);
         }
