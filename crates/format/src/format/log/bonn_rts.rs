@@ -21,8 +21,10 @@
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::log::old_distance::{OldDistances, PolarRow};
 use crate::format::log::positions::check_measured;
 use crate::format::text::table::{Columns, Table};
+use crate::geometry::Vec3;
 use crate::sensor::{Observations, PolarObservation, Positions, RejectedRow};
 
 /// The columns that are needed and the columns that are used if present; others are ignored.
@@ -81,11 +83,11 @@ impl RtsObservation {
 pub struct RtsObservations {
     /// In the order of the file.
     pub observations: Vec<RtsObservation>,
-    /// Rows without a range or without a time of the instrument, with their times of arrival.
+    /// Rows without a range, with an old one, or without a time of the instrument, with their times of arrival.
     pub rejected: Vec<RejectedRow>,
 }
 
-/// Reads a table; rows without a range are rejected, with the return codes of the instrument.
+/// Reads a table; rows without a range, or with an old one, are rejected, with the return codes of the instrument.
 ///
 /// # Errors
 /// Missing columns, cells that are not finite numbers, angles that are not radians, no row with a
@@ -96,6 +98,7 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
     const SLACK_RAD: f64 = 1e-2;
     let mut table = Table::open(input, &COLUMNS)?;
     let mut log = RtsObservations::default();
+    let mut old = OldDistances::default();
     let mut row = [0.0; 8];
     while table.next_row(&mut row)? {
         let [
@@ -108,13 +111,24 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
             geocom_code,
             rpc_code,
         ] = row;
-        // The time of the instrument is zero before its first measurement.
-        if slope_distance_m <= 0.0 || instrument_time_s == 0.0 {
-            let mut reason = match slope_distance_m {
-                0.0 => "zero range".to_owned(),
-                range if range < 0.0 => format!("a range of {range} m"),
-                _ => "no time of the instrument".to_owned(),
-            };
+        let direction = Vec3::new(
+            vertical_rad.sin() * horizontal_rad.sin(),
+            vertical_rad.sin() * horizontal_rad.cos(),
+            vertical_rad.cos(),
+        );
+        let reason = match slope_distance_m {
+            0.0 => Some("zero range".to_owned()),
+            range if range < 0.0 => Some(format!("a range of {range} m")),
+            // Before its first measurement.
+            _ if instrument_time_s == 0.0 => Some("no time of the instrument".to_owned()),
+            _ => old.reason(PolarRow {
+                time_s: ref_time_s,
+                slope_distance_m,
+                position_m: direction * slope_distance_m,
+                status: rpc_code,
+            }),
+        };
+        if let Some(mut reason) = reason {
             for (name, code) in [("GeoCOM", geocom_code), ("RPC", rpc_code)] {
                 if !code.is_nan() {
                     reason += &format!(", {name} code {code}");
@@ -190,7 +204,6 @@ fn read_positions(input: &Input, observations: &Observations) -> Result<Position
 mod tests {
     use super::*;
     use crate::format::mutation::for_each_damaged;
-    use crate::geometry::Vec3;
     use crate::sensor::TotalStation;
 
     const EXPORT: &str = "ref_time, ts_time, h_angle, v_angle, distance, num_chars, \

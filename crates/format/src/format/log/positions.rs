@@ -7,6 +7,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::log::old_distance::{OldDistances, PolarRow};
 use crate::format::log::tables::{TableWriter, sigma};
 use crate::format::text::lines::header_names;
 use crate::format::text::table::{Columns, Table};
@@ -101,8 +102,8 @@ pub(crate) const TPS_TABLE: Kind = Kind {
 /// - both, `sec_of_day, x_m, y_m, z_m, slope_dist_m, hz_deg, v_deg, status`.
 ///
 /// `observations` selects coordinates or polar observations if the file contains both, and gives the
-/// instrument for polar observations. A row without a range is rejected; it is not an error. Its status
-/// is reported but not interpreted, because its meaning depends on the instrument.
+/// instrument for polar observations. A row without a range, or with an earlier one beside new angles, is rejected; it
+/// is not an error. Its status is reported but not interpreted, because its meaning depends on the instrument.
 ///
 /// # Errors
 /// Missing columns, cells that are not finite numbers, standard deviations or covariances that are
@@ -159,11 +160,13 @@ fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {
         Observations::AsFound | Observations::Cartesian => None,
         Observations::Polar(instrument) => Some(instrument),
     };
+    let mut old = OldDistances::default();
     match instrument {
         None if is_tps => read(input, &TPS, |row: &[f64; 8], _| {
             let position_m = Vec3::new(row[1], row[2], row[3]);
             let fix = PositionFix::with_sigma(row[0], position_m, None);
-            Ok(without_range(row[4], row[7]).map_or(Ok(fix), Err))
+            let fix = without_range(row[4], row[7]).map_or(Ok(fix), Err);
+            Ok(fix.and_then(|fix| fresh(fix, row[4], row[7], &mut old)))
         }),
         None if is_polar && !is_cartesian => Err(error(
             input.path(),
@@ -175,7 +178,8 @@ fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {
             cartesian(row, table).map(Ok)
         }),
         Some(instrument) if is_tps => read(input, &TPS, |row: &[f64; 8], table| {
-            polar(instrument, [row[0], row[4], row[5], row[6], row[7]], table)
+            let fix = polar(instrument, [row[0], row[4], row[5], row[6], row[7]], table)?;
+            Ok(fix.and_then(|fix| fresh(fix, row[4], row[7], &mut old)))
         }),
         Some(_) if is_cartesian && !is_polar => Err(error(
             input.path(),
@@ -184,7 +188,8 @@ fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {
              slope_distance_m, horizontal_deg, vertical_deg",
         )),
         Some(instrument) => read(input, &POLAR, |row: &[f64; 5], table| {
-            polar(instrument, *row, table)
+            let fix = polar(instrument, *row, table)?;
+            Ok(fix.and_then(|fix| fresh(fix, row[1], row[4], &mut old)))
         }),
     }
 }
@@ -203,7 +208,7 @@ fn is_geographic(name: &str) -> bool {
 fn read<const N: usize>(
     input: &Input,
     columns: &Columns,
-    record: impl Fn(&[f64; N], &Table) -> Result<std::result::Result<PositionFix, String>>,
+    mut record: impl FnMut(&[f64; N], &Table) -> Result<std::result::Result<PositionFix, String>>,
 ) -> Result<Positions> {
     let mut table = Table::open(input, columns)?;
     let mut positions = Positions::default();
@@ -227,15 +232,36 @@ fn without_range(slope_distance_m: f64, status: f64) -> Option<String> {
     if slope_distance_m > 0.0 {
         return None;
     }
-    let mut reason = if slope_distance_m == 0.0 {
+    let reason = if slope_distance_m == 0.0 {
         "zero range".to_owned()
     } else {
         format!("a range of {slope_distance_m} m")
     };
-    if !status.is_nan() {
-        reason += &format!(" (status {status})");
+    Some(with_status(reason, status))
+}
+
+fn with_status(reason: String, status: f64) -> String {
+    if status.is_nan() {
+        return reason;
     }
-    Some(reason)
+    format!("{reason} (status {status})")
+}
+
+/// A fix whose distance was measured with its angles, or the reason why it was not.
+fn fresh(
+    fix: PositionFix,
+    slope_distance_m: f64,
+    status: f64,
+    old: &mut OldDistances,
+) -> std::result::Result<PositionFix, String> {
+    let row = PolarRow {
+        time_s: fix.time_s,
+        slope_distance_m,
+        position_m: fix.position_m,
+        status,
+    };
+    let reason = old.reason(row);
+    reason.map_or(Ok(fix), |reason| Err(with_status(reason, status)))
 }
 
 /// A row of time, slope distance, horizontal and vertical angle in degrees, and status.
