@@ -1,17 +1,19 @@
 //! Test of a constant mounting, from the pattern of the residuals along the drive.
 //!
-//! In every block of time, the mean signed distance of a scanner's points to the reference is compared with its standard
-//! deviation, due to pose errors and to the scatter of its points. The residuals of a rigid mounting agree with it; a
-//! mounting that bends with roll, pitch or acceleration causes far larger ones.
+//! In every block of time, the median signed distance of a scanner's points to the reference is compared with its
+//! standard deviation, due to pose errors and to the scatter of its points. The residuals of a rigid mounting agree with
+//! it; a mounting that bends with roll, pitch or acceleration causes far larger ones. Medians do not follow leaves that
+//! stand above the ground and returns from nothing, which are no motion of a mounting.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
-use crate::statistics::rms;
+use crate::statistics::{SIGMAS_PER_MAD, median, rms};
 use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
@@ -27,7 +29,7 @@ const MIN_REFERENCE_POINTS: usize = 6;
 /// Minimum number of blocks for a test.
 const MIN_BLOCKS: usize = 10;
 
-/// Ratio of block means to expected standard deviations above which the mounting counts as not
+/// Ratio of block medians to expected standard deviations above which the mounting counts as not
 /// constant. Poses slightly worse than their standard deviations give 1 to 1.5; bending by
 /// millimetres gives 4 and more.
 const MAX_RATIO: f64 = 2.0;
@@ -37,10 +39,10 @@ const MAX_RATIO: f64 = 2.0;
 pub struct Block {
     /// Time at its middle, seconds.
     pub time_s: f64,
-    /// Mean signed distance to the reference, positive above it, metres.
-    pub mean_m: f64,
-    /// Standard deviation of this mean, metres: √(σ² + s² / n), with σ of the pose errors that all points share, and s of
-    /// the n points about their mean, from their noise and the roughness of the ground.
+    /// Median signed distance to the reference, positive above it, metres.
+    pub median_m: f64,
+    /// Standard deviation of this median, metres: √(σ² + π/2 s² / n), with σ of the pose errors that all points share,
+    /// and s the normalised median absolute deviation of the n points, from their noise and the roughness of the ground.
     pub expected_sigma_m: f64,
 }
 
@@ -49,9 +51,9 @@ pub struct Block {
 pub struct Constancy {
     /// Blocks of each scanner in time order.
     pub blocks: Vec<Vec<Block>>,
-    /// Root mean square of mean / expected standard deviation over all blocks.
+    /// Root mean square of median / expected standard deviation over all blocks.
     pub ratio: f64,
-    /// Root mean square of the block means, metres.
+    /// Root mean square of the block medians, metres.
     pub rms_m: f64,
     /// Whether the mounting appears constant.
     pub constant: bool,
@@ -88,13 +90,13 @@ impl Jump {
     /// blocks.
     fn strongest(scanner: usize, blocks: &[Block]) -> Option<Self> {
         let count = blocks.len() as f64;
-        let values = || blocks.iter().map(|block| block.mean_m);
+        let values = || blocks.iter().map(|block| block.median_m);
         let mean = values().sum::<f64>() / count;
         let all: f64 = values().map(|value| (value - mean).powi(2)).sum();
         let mut before = 0.0;
         let mut best: Option<Self> = None;
         for (index, pair) in blocks.windows(2).enumerate() {
-            before += pair[0].mean_m - mean;
+            before += pair[0].median_m - mean;
             let (left, right) = ((index + 1) as f64, count - (index + 1) as f64);
             if left.min(right) < MIN_BLOCKS as f64 / 2.0 || all == 0.0 {
                 continue;
@@ -124,29 +126,29 @@ struct Residual {
     variance_m2: f64,
 }
 
+/// The points of one block.
 #[derive(Clone, Default)]
-struct Sums {
-    n: usize,
-    distance_m: f64,
-    square_m2: f64,
+struct Points {
+    distances_m: Vec<f64>,
     variance_m2: f64,
 }
 
-impl Sums {
+impl Points {
     /// Adds the distance of a point and its variance due to pose errors.
     fn add(&mut self, distance_m: f64, variance_m2: f64) {
-        self.n += 1;
-        self.distance_m += distance_m;
-        self.square_m2 += distance_m * distance_m;
+        self.distances_m.push(distance_m);
         self.variance_m2 += variance_m2;
     }
 
-    /// The mean distance and its standard deviation, metres.
-    fn mean_m(&self) -> (f64, f64) {
-        let n = self.n as f64;
-        let mean_m = self.distance_m / n;
-        let scatter_m2 = (self.square_m2 / n - mean_m * mean_m).max(0.0) / (n - 1.0);
-        (mean_m, (self.variance_m2 / n + scatter_m2).sqrt())
+    /// The median distance and its standard deviation, metres; `None` if there are too few points.
+    fn median_m(&self) -> Option<(f64, f64)> {
+        let distances = || self.distances_m.iter().copied();
+        let n = self.distances_m.len();
+        let median_m = median(distances()).filter(|_| n >= MIN_POINTS)?;
+        let deviation_m = SIGMAS_PER_MAD * median(distances().map(|d| (d - median_m).abs()))?;
+        let n = n as f64;
+        let scatter_m2 = FRAC_PI_2 * deviation_m.powi(2) / n;
+        Some((median_m, (self.variance_m2 / n + scatter_m2).sqrt()))
     }
 }
 
@@ -155,30 +157,27 @@ impl Constancy {
     /// deviations of the poses, or if too little of the drive covers the reference.
     pub fn test(surface: &Surface, trajectory: &Trajectory) -> Option<Self> {
         let (start_s, _) = trajectory.span_s();
-        let mut sums = vec![BTreeMap::<u64, Sums>::new(); surface.cloud.scanners];
+        let mut points = vec![BTreeMap::<u64, Points>::new(); surface.cloud.scanners];
         let residuals: Vec<Residual> = (0..surface.planes.len())
             .into_par_iter()
             .filter_map(|index| Residual::of_centre(surface, trajectory, index))
             .collect();
         for residual in residuals {
             let block = ((residual.time_s - start_s) / BLOCK_S) as u64;
-            let sum = sums[residual.scanner].entry(block).or_default();
-            sum.add(residual.distance_m, residual.variance_m2);
+            let block = points[residual.scanner].entry(block).or_default();
+            block.add(residual.distance_m, residual.variance_m2);
         }
-        let block = |(&index, sum): (&u64, &Sums)| {
-            let (mean_m, expected_sigma_m) = sum.mean_m();
-            Block {
+        let block = |(&index, points): (&u64, &Points)| {
+            let (median_m, expected_sigma_m) = points.median_m()?;
+            Some(Block {
                 time_s: start_s + (index as f64 + 0.5) * BLOCK_S,
-                mean_m,
+                median_m,
                 expected_sigma_m,
-            }
-        };
-        let blocks: Vec<Vec<Block>> = sums
-            .iter()
-            .map(|scanner| {
-                let known = scanner.iter().filter(|(_, sum)| sum.n >= MIN_POINTS);
-                known.map(block).collect()
             })
+        };
+        let blocks: Vec<Vec<Block>> = points
+            .iter()
+            .map(|scanner| scanner.iter().filter_map(block).collect())
             .collect();
         let all: Vec<&Block> = blocks.iter().flatten().collect();
         if all.len() < MIN_BLOCKS {
@@ -186,10 +185,10 @@ impl Constancy {
         }
         let ratio = rms(all
             .iter()
-            .map(|block| block.mean_m / block.expected_sigma_m));
+            .map(|block| block.median_m / block.expected_sigma_m));
         Some(Self {
             ratio,
-            rms_m: rms(all.iter().map(|block| block.mean_m)),
+            rms_m: rms(all.iter().map(|block| block.median_m)),
             constant: ratio < MAX_RATIO,
             strongest: strongest_correlation(&blocks, trajectory),
             jump: blocks
@@ -242,11 +241,11 @@ pub fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     Some(if normal.z < 0.0 { -normal } else { normal })
 }
 
-/// The component of the motion with the strongest correlation with the block means of any scanner.
+/// The component of the motion with the strongest correlation with the block medians of any scanner.
 fn strongest_correlation(blocks: &[Vec<Block>], trajectory: &Trajectory) -> Option<Correlation> {
     let mut best: Option<Correlation> = None;
     for scanner in blocks.iter().filter(|scanner| scanner.len() >= MIN_BLOCKS) {
-        let residuals: Vec<f64> = scanner.iter().map(|block| block.mean_m).collect();
+        let residuals: Vec<f64> = scanner.iter().map(|block| block.median_m).collect();
         let mut motion: [(&'static str, Vec<f64>); 4] =
             ["roll", "pitch", "acceleration along track", "time"].map(|name| (name, Vec::new()));
         for block in scanner {
@@ -306,13 +305,22 @@ mod tests {
 
     #[test]
     fn the_standard_deviation_of_a_block_is_that_of_poses_and_scatter() {
-        let mut sums = Sums::default();
-        for i in 0..100 {
-            sums.add(0.001 + if i % 2 == 0 { 0.01 } else { -0.01 }, 4e-6);
+        let mut points = Points::default();
+        for i in 0..99 {
+            points.add(0.001 + 1e-4 * f64::from(i - 49), 4e-6);
         }
-        let (mean_m, sigma_m) = sums.mean_m();
-        assert!((mean_m - 0.001).abs() < 1e-12);
-        assert!((sigma_m - (4e-6 + 1e-4_f64 / 99.0).sqrt()).abs() < 1e-12);
+        let scatter_m2 = FRAC_PI_2 * (1.4826 * 25e-4_f64).powi(2) / 99.0;
+        let (median_m, sigma_m) = points.median_m().unwrap();
+        assert!((median_m - 0.001).abs() < 1e-12);
+        assert!(
+            (sigma_m - (4e-6 + scatter_m2).sqrt()).abs() < 1e-12,
+            "{sigma_m}"
+        );
+
+        // Five leaves, 13 cm above the ground, raise the mean by 6 mm.
+        (0..5).for_each(|_| points.add(0.13, 4e-6));
+        let (median_m, _) = points.median_m().unwrap();
+        assert!((median_m - 0.001).abs() < 3e-4, "{median_m}");
     }
 
     #[test]
@@ -320,7 +328,7 @@ mod tests {
         let blocks: Vec<Block> = (0..40)
             .map(|i| Block {
                 time_s: 2.0 * f64::from(i),
-                mean_m: if i < 25 { 1e-3 } else { -2e-3 } + 1e-4 * f64::from(i % 3 - 1),
+                median_m: if i < 25 { 1e-3 } else { -2e-3 } + 1e-4 * f64::from(i % 3 - 1),
                 expected_sigma_m: 1e-3,
             })
             .collect();

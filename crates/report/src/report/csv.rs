@@ -240,18 +240,18 @@ fn sigmas(all: &Calibrations) -> String {
     out
 }
 
-/// Mean residuals along the drive.
+/// Median residuals along the drive.
 fn blocks(all: &Calibrations) -> String {
     let Some(constancy) = &all.result.constancy else {
         return String::new();
     };
-    let mut out = String::from("scanner,time_s,mean_m,expected_sigma_m\n");
+    let mut out = String::from("scanner,time_s,median_m,expected_sigma_m\n");
     for (mounting, list) in all.result.mountings.iter().zip(&constancy.blocks) {
         for block in list {
             let name = quoted(&mounting.name);
             let values = [
                 (block.time_s, 3),
-                (block.mean_m, 7),
+                (block.median_m, 7),
                 (block.expected_sigma_m, 7),
             ];
             let cells = values.map(|(value, decimals)| cell(value, decimals));

@@ -289,7 +289,7 @@ fn sigma_summary(sigmas: &PoseSigmas) -> String {
     )
 }
 
-/// Mean residuals along the drive with the band expected from the poses; empty without any.
+/// Median residuals along the drive with the band expected from the poses; empty without any.
 pub fn residuals(calibration: &Calibration) -> String {
     let Some(constancy) = &calibration.constancy else {
         return String::new();
@@ -301,16 +301,16 @@ pub fn residuals(calibration: &Calibration) -> String {
     }
     let ends = blocks().flat_map(|b| {
         let bound = 2e3 * b.expected_sigma_m;
-        let mean = 1e3 * b.mean_m;
-        [-bound, bound, mean, -mean, -0.5, 0.5]
+        let median = 1e3 * b.median_m;
+        [-bound, bound, median, -median, -0.5, 0.5]
     });
-    let y = Axis::rounded("mean residual (mm)", ends);
+    let y = Axis::rounded("median residual (mm)", ends);
     let start = blocks().map(|b| b.time_s).fold(f64::INFINITY, f64::min);
     let start = time_shift(start);
     let x = Axis::over(&time_label(start), blocks().map(|b| b.time_s - start));
     let entries = [
         ("band".to_owned(), "expected, ± 2 σ".to_owned()),
-        ("s0".to_owned(), "mean of the block".to_owned()),
+        ("s0".to_owned(), "median of the block".to_owned()),
         ("s1".to_owned(), "outside".to_owned()),
     ];
     let mut charts = String::new();
@@ -327,9 +327,9 @@ pub fn residuals(calibration: &Calibration) -> String {
         plot.line("zero", &[[x.min, 0.0], [x.max, 0.0]]);
         let (outside, inside): (Vec<_>, Vec<_>) = list
             .iter()
-            .partition(|b| b.mean_m.abs() > 2.0 * b.expected_sigma_m);
+            .partition(|b| b.median_m.abs() > 2.0 * b.expected_sigma_m);
         let points = |list: &[&Block]| -> Vec<[f64; 2]> {
-            let shown = list.iter().map(|b| [b.time_s - start, 1e3 * b.mean_m]);
+            let shown = list.iter().map(|b| [b.time_s - start, 1e3 * b.median_m]);
             shown.collect()
         };
         let curve = with_gaps(&points(&list.iter().collect::<Vec<_>>()));
@@ -348,7 +348,7 @@ pub fn residuals(calibration: &Calibration) -> String {
     }
     out.push_str(&html::figure(
         &(html::legend(&entries) + &charts),
-        "Mean residual in blocks of time. If the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive means that the mounting moves or that the errors of the poses are larger than their standard deviations suggest.",
+        "Median residual in blocks of time. If the mounting is constant, about 95 % of the dots lie in the band; a pattern along the drive means that the mounting moves or that the errors of the poses are larger than their standard deviations suggest.",
     ));
     out
 }
