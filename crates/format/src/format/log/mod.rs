@@ -7,6 +7,7 @@ pub(super) mod gsi;
 pub(super) mod kitti;
 pub(super) mod nmea;
 pub(super) mod positions;
+pub(super) mod rtklib;
 pub(super) mod sbg;
 pub(super) mod sbg_text;
 pub(super) mod tables;
