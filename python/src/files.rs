@@ -70,12 +70,13 @@ enum Log {
 fn read(path: &Path, kind: &str, how: &Reading, progress: &dyn Progress) -> Result<Log> {
     let crs = how.crs.as_ref();
     let _stage = progress.stage("reading the log", 0);
-    Ok(match kind {
-        "trajectory" => Log::Poses(format::read_projected_trajectory(path, how.axes, crs)?),
-        "imu" => Log::Imu(format::read_imu(path)?),
+    let input = &format::Input::from(path);
+    let log = match kind {
+        "trajectory" => Log::Poses(format::read_projected_trajectory(input, how.axes, crs)?),
+        "imu" => Log::Imu(format::read_imu(input)?),
         "positions" => {
             let as_found = Observations::AsFound;
-            let read = format::read_projected_positions(path, &as_found, crs)?;
+            let read = format::read_projected_positions(input, &as_found, crs)?;
             for row in &read.rejected {
                 progress.say(&format!("rejected {row}"));
             }
@@ -88,14 +89,18 @@ fn read(path: &Path, kind: &str, how: &Reading, progress: &dyn Progress) -> Resu
             }
             Log::Positions(read.fixes)
         }
-        "heading" => Log::Heading(format::read_heading(path)?),
-        _ => Log::Profiles(profiles(path, progress)?),
-    })
+        "heading" => Log::Heading(format::read_heading(input)?),
+        _ => Log::Profiles(profiles(input, progress)?),
+    };
+    for remark in input.remarks() {
+        progress.warn(&format!("{}: {remark}", path.display()));
+    }
+    Ok(log)
 }
 
-fn profiles(path: &Path, progress: &dyn Progress) -> Result<Vec<[f64; PROFILE]>> {
+fn profiles(input: &format::Input, progress: &dyn Progress) -> Result<Vec<[f64; PROFILE]>> {
     use crate::arrays::Record;
-    let mut reader = format::open_profiles(path)?;
+    let mut reader = format::open_profiles(input)?;
     let stage = progress.stage("reading profiles", reader.bytes_total());
     let (mut rows, mut chunk, mut bytes) = (Vec::new(), Vec::new(), 0);
     while reader.next_chunk(&mut chunk)? {

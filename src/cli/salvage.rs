@@ -11,7 +11,7 @@ use crate::format;
 use crate::output::Staging;
 use crate::pipeline::Outcome;
 
-/// Copy damaged recordings (`.bin`) and text tables without incomplete or unreadable records
+/// Copy damaged recordings (`.bin`, ROS bags, MCAP) and text tables without incomplete or unreadable records
 #[derive(Debug, clap::Args)]
 pub(super) struct Salvage {
     /// The damaged files

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use super::job::Job;
+use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
 use super::rig::Rig;
-use super::stages::{in_parallel, open_profiles, warn_of_missing};
+use super::stages::{in_parallel, warn_of_missing};
 use crate::comparison::TimedPoint;
 use crate::error::{Error, Result};
 use crate::format::{
@@ -171,6 +172,7 @@ pub fn stream(
     open: Option<&OpenSink<'_>>,
     progress: &dyn Progress,
 ) -> Result<Vec<CloudSample>> {
+    let inputs: Vec<_> = project.scanners.iter().map(profile_inputs).collect();
     let jobs = project
         .scanners
         .iter()
@@ -182,7 +184,8 @@ pub fn stream(
                     "a cloud can hold at most 65536 scanners: split the project",
                 )
             })?;
-            Ok((number, scanner, open_profiles(scanner)?))
+            let readers = open_profiles(scanner, &inputs[index], trajectory)?;
+            Ok((number, scanner, readers))
         })
         .collect::<Result<Vec<_>>>()?;
     let bytes = jobs
@@ -239,9 +242,10 @@ pub fn stream(
     });
     drop(stage);
     let samples = samples.into_iter().collect::<Result<Vec<_>>>()?;
-    let named = project.scanners.iter().zip(samples);
+    let named = project.scanners.iter().zip(samples).zip(&inputs);
     Ok(named
-        .map(|(scanner, (sample, place))| {
+        .map(|((scanner, (sample, place)), inputs)| {
+            warn_of_remarks(&scanner.name, inputs, progress);
             warn_of_missing(
                 &scanner.name,
                 place.outside(),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::Outcome;
+use super::profiles::warn_of_remarks;
 use crate::error::{Error, Location, Result};
 use crate::format::{self, CloudRows, Format, Input};
 use crate::geometry::{BodyAxes, BodyFromScanner, Projection};
@@ -160,6 +161,11 @@ fn written(
         })?;
         let axes = with.axes.unwrap_or_default();
         let poses = format::read_projected_trajectory(input, axes, with.crs.as_ref())?;
+        warn_of_remarks(
+            &input.path().display().to_string(),
+            std::slice::from_ref(input),
+            progress,
+        );
         warn_of_local(&poses, with, progress);
         write(staged, &poses, with)?;
         return Ok(format!("{} poses", poses.len()));

@@ -137,9 +137,10 @@ fn before_comparison(project: &Project) -> Project {
 fn before_scans(project: &Project) -> Project {
     let mut scanners = project.scanners.clone();
     if !is_recorded(project) {
-        scanners
-            .iter_mut()
-            .for_each(|scanner| scanner.profiles.clear());
+        scanners.iter_mut().for_each(|scanner| {
+            scanner.profiles.clear();
+            scanner.point_times = Default::default();
+        });
     }
     Project {
         reference: None,

@@ -1,11 +1,15 @@
 //! The logs of a drive, read and prepared for the trajectory stage.
 
 use super::inputs::size;
+use super::profiles::warn_of_remarks;
 use crate::error::Result;
 use crate::feed::{Feed, log_clock};
+use crate::format::Input;
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Record, RejectedRow};
+use crate::sensor::{
+    HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, span_s, start_between_s,
+};
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
 
@@ -38,23 +42,31 @@ impl DriveLogs {
         let all = positions.chain(heading).chain([&logs.imu.path]);
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
         let feed = Feed::new(project, logs);
-        let imu = feed.imu(&logs.imu.path, log_clock)?;
+        let input = Input::from(&logs.imu.path);
+        let imu = feed.imu(&input, log_clock)?;
+        warn_of_remarks("imu", &[input], progress);
         stage.advance(size(&logs.imu.path))?;
         let settings = feed.settings();
         let mut positions = Vec::with_capacity(logs.positions.len());
         let mut rejected = Vec::new();
         for (sensor, log) in logs.positions.iter().enumerate() {
-            let read = feed.positions(sensor, &log.path, log_clock)?;
+            let input = Input::from(&log.path);
+            let read = feed.positions(sensor, &input, log_clock)?;
             stage.advance(size(&log.path))?;
-            let (fixes, rows) = (read.fixes, read.rejected);
+            let (mut fixes, rows) = (read.fixes, read.rejected);
             let name = &settings.positions[sensor].name;
+            start_with(&imu, name, &mut fixes, progress);
+            warn_of_remarks(name, &[input], progress);
             report_rejected(name, &rows, fixes.len() + rows.len(), progress);
             rejected.extend(rows);
             positions.push(fixes);
         }
         let mut heading = Vec::new();
         if let Some(log) = &logs.heading {
-            heading = feed.heading(&log.path, log_clock)?;
+            let input = Input::from(&log.path);
+            heading = feed.heading(&input, log_clock)?;
+            warn_of_remarks("heading", &[input], progress);
+            start_with(&imu, "heading", &mut heading, progress);
             stage.advance(size(&log.path))?;
         }
         Ok(Self {
@@ -85,6 +97,24 @@ impl DriveLogs {
         Record::sort(&mut records);
         records
     }
+}
+
+/// Shifts a log whose clock started again, at midnight or at the end of the week, before it or the IMU's log began.
+fn start_with<T: Timed>(imu: &[ImuSample], name: &str, records: &mut [T], progress: &dyn Progress) {
+    let (Some(imu_s), Some(log_s)) = (span_s(imu), span_s(records)) else {
+        return;
+    };
+    let shift_s = start_between_s([log_s.0, log_s.1], [imu_s.0, imu_s.1]);
+    if shift_s == 0.0 {
+        return;
+    }
+    records
+        .iter_mut()
+        .for_each(|record| *record.time_s_mut() += shift_s);
+    progress.warn(&format!(
+        "{name}: the log and that of the IMU lie on both sides of the start of a day or week: {shift_s} s are added to \
+         its times"
+    ));
 }
 
 fn report_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn Progress) {

@@ -33,6 +33,7 @@ mod page;
 mod placed;
 mod placement;
 mod poses;
+mod profiles;
 mod program;
 mod recorded;
 pub mod result;

@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::logs::DriveLogs;
+use super::profiles::warn_of_remarks;
 use super::recorded;
 use crate::error::Result;
 use crate::format;
@@ -84,7 +85,7 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
     match &project.motion {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
-            let nodes = read_poses(project, file)?;
+            let nodes = read_poses(project, file, progress)?;
             if nodes.iter().all(|node| node.sigma.is_none()) {
                 progress.warn(POSES_WITHOUT_SIGMA);
             }
@@ -224,11 +225,21 @@ pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
     }
 }
 
-fn read_poses(project: &Project, file: &PosesFile) -> Result<Vec<PoseRecord>> {
+fn read_poses(
+    project: &Project,
+    file: &PosesFile,
+    progress: &dyn Progress,
+) -> Result<Vec<PoseRecord>> {
     let mut nodes = Vec::new();
     for path in file.paths() {
         let crs = project.crs.as_ref();
-        nodes.extend(format::read_projected_trajectory(path, project.axes, crs)?);
+        let input = format::Input::from(path);
+        nodes.extend(format::read_projected_trajectory(
+            &input,
+            project.axes,
+            crs,
+        )?);
+        warn_of_remarks(&path.display().to_string(), &[input], progress);
     }
     // The sort is stable: if files have poses at the same time, the pose of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 pub use super::poses::{EstimatedPoses, Poses, poses, preflight};
+use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
 use super::rig::Rig;
 use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
@@ -12,7 +13,7 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::georeference::ExcludedPoints;
 use crate::progress::Progress;
-use crate::project::{Motion, Project, Scanner};
+use crate::project::{Motion, Project};
 use crate::sensor::PoseRecord;
 use crate::tiles::CloudSource;
 use crate::trajectory::{PositionSettings, Solution, Trajectory};
@@ -48,10 +49,10 @@ pub fn samples(
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
     check_no_shared_files(project)?;
-    let all = project
-        .scanners
-        .iter()
-        .map(open_profiles)
+    let inputs: Vec<Vec<format::Input>> = project.scanners.iter().map(profile_inputs).collect();
+    let all = project.scanners.iter().zip(&inputs);
+    let all = all
+        .map(|(scanner, inputs)| open_profiles(scanner, inputs, trajectory))
         .collect::<Result<Vec<_>>>()?;
     let bytes = all
         .iter()
@@ -68,7 +69,8 @@ pub fn samples(
     .into_iter()
     .collect::<Result<Vec<ScannerSample>>>()?;
     drop(stage);
-    for (scanner, sample) in project.scanners.iter().zip(&samples) {
+    for ((scanner, sample), inputs) in project.scanners.iter().zip(&samples).zip(&inputs) {
+        warn_of_remarks(&scanner.name, inputs, progress);
         progress.say(&format!(
             "scanner `{}`: {} points read, {} kept, {} outside the trajectory",
             scanner.name,
@@ -172,18 +174,6 @@ fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
         let (low, high) = bounds.unwrap_or((point, point));
         Some((low.inf(&point), high.sup(&point)))
     })
-}
-
-/// Opens the profile files of a scanner.
-///
-/// # Errors
-/// A file cannot be opened.
-pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileReader>>> {
-    scanner
-        .profiles
-        .iter()
-        .map(|path| format::open_profiles(path))
-        .collect()
 }
 
 /// Runs `work` on all jobs in parallel; returns the results in the order of the jobs.

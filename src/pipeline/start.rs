@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::profiles::{open_profiles, profile_inputs};
 use super::rig::Rig;
-use super::stages::open_profiles;
 use crate::calibration::{Reach, ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
@@ -91,7 +91,8 @@ fn finest_scale(
     let (mut bodies, mut points, mut ranges_m) = (Vec::new(), Vec::new(), Vec::new());
     let mut shares = MOVED_SHARES.into_iter().peekable();
     let mut spacing_m = None;
-    for mut reader in open_profiles(&project.scanners[scanner])? {
+    let inputs = profile_inputs(&project.scanners[scanner]);
+    for mut reader in open_profiles(&project.scanners[scanner], &inputs, trajectory)? {
         while reader.next_chunk(&mut chunk)? {
             let mut placing = rig.georeferencer(scanner, trajectory);
             for point in &chunk {

@@ -20,6 +20,12 @@ pub struct Feed<'a> {
 /// Leaves the times of a log as they are.
 pub fn log_clock<T>(_: &mut Vec<T>) {}
 
+fn remark(input: &Input, text: Option<String>) {
+    if let Some(text) = text {
+        input.remark(text);
+    }
+}
+
 impl<'a> Feed<'a> {
     /// The feed of these logs of `project`.
     pub fn new(project: &'a Project, logs: &'a Logs) -> Self {
@@ -45,8 +51,11 @@ impl<'a> Feed<'a> {
         input: impl Into<Input>,
         clock: impl FnOnce(&mut Vec<ImuSample>),
     ) -> Result<Vec<ImuSample>> {
+        let input = &input.into();
         let mut samples = format::read_imu(input)?;
-        continue_times(&mut samples);
+        let units = self.logs.imu_units;
+        samples.iter_mut().for_each(|sample| units.convert(sample));
+        remark(input, continue_times(&mut samples));
         clock(&mut samples);
         samples.iter_mut().for_each(|sample| self.place_imu(sample));
         Ok(samples)
@@ -61,8 +70,9 @@ impl<'a> Feed<'a> {
         input: impl Into<Input>,
         clock: impl FnOnce(&mut Vec<HeadingFix>),
     ) -> Result<Vec<HeadingFix>> {
+        let input = &input.into();
         let mut fixes = format::read_heading(input)?;
-        continue_times(&mut fixes);
+        remark(input, continue_times(&mut fixes));
         clock(&mut fixes);
         fixes.iter_mut().for_each(|fix| self.place_heading(fix));
         Ok(fixes)
@@ -79,10 +89,17 @@ impl<'a> Feed<'a> {
         input: impl Into<Input>,
         clock: impl FnOnce(&mut Vec<PositionFix>),
     ) -> Result<Positions> {
-        let observations = &self.logs.positions[sensor].observations;
+        let input = &input.into();
+        let log = &self.logs.positions[sensor];
         let crs = self.project.crs.as_ref();
-        let mut positions = format::read_projected_positions(input, observations, crs)?;
-        continue_times(&mut positions.fixes);
+        let mut positions = format::read_projected_positions(input, &log.observations, crs)?;
+        remark(input, continue_times(&mut positions.fixes));
+        let fixed_m = &self.logs.settings.positions[sensor].sigma_m;
+        let qualities = &positions.qualities;
+        let by_quality = log
+            .by_quality
+            .apply(&mut positions.fixes, qualities, fixed_m);
+        remark(input, by_quality);
         clock(&mut positions.fixes);
         for fix in &mut positions.fixes {
             self.place_position(sensor, fix);

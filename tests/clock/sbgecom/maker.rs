@@ -70,6 +70,7 @@ impl Position {
             longitude_rad: longitude.to_radians(),
             height_m: altitude_m + f64::from(self.undulation_m),
             sigma_m: Some(Vec3::new(east_m, north_m, up_m)),
+            quality: None,
         }
     }
 }

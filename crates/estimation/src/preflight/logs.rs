@@ -174,18 +174,18 @@ pub const STATED_FACTOR: f64 = 4.0;
 const NEIGHBOURS_S: f64 = 1.2;
 
 /// The factors on the standard deviations of a position log, east, north, up, that the noise of neighbouring
-/// fixes asks for, where one of them is much larger than stated. The noise is that of fourth
+/// fixes without a covariance asks for, where one of them is much larger than stated. The noise is that of fourth
 /// differences, which remove a smooth motion.
 pub fn position_noise(
     fixes: &[PositionFix],
     position: &PositionSettings,
 ) -> Option<(Vec3, Verdict)> {
-    if fixes.iter().any(|fix| fix.covariance_m2.is_some()) {
-        return None;
-    }
+    let is_unstated = |fix: &PositionFix| fix.covariance_m2.is_none();
+    let unstated = fixes.iter().filter(|fix| is_unstated(fix)).count();
     let windows = fixes.windows(VALUES);
+    let windows = windows.filter(|window| window.iter().all(is_unstated));
     let differences: Vec<Vec3> = windows.filter_map(fourth_difference).collect();
-    if differences.len() < fixes.len() / 2 {
+    if unstated == 0 || differences.len() < unstated / 2 {
         return None;
     }
     let mut factors = Vec3::repeat(1.0);
@@ -231,7 +231,8 @@ fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
                     "the median specific force of the IMU is {length:.4} m/s²: the log is in {unit}"
                 ),
                 format!(
-                    "name the columns accel_x_{unit}, accel_y_{unit}, accel_z_{unit}, then they are converted"
+                    "name the columns accel_x_{unit}, accel_y_{unit}, accel_z_{unit}, then they are converted; if the \
+                     log has no columns, as a recording of ROS, write accel_unit = \"{unit}\" in [imu] of the project"
                 ),
             ));
         }
@@ -243,7 +244,8 @@ fn check_forces(imu: &[ImuSample]) -> Result<Vec3> {
 fn gyro_in_degrees(what: &str) -> Error {
     Error::data(
         format!("{what} by 1/57 of what the gyro says: the gyro's log is in degrees per second"),
-        "name the columns gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s, then they are converted",
+        "name the columns gyro_x_deg_s, gyro_y_deg_s, gyro_z_deg_s, then they are converted; if the log has no columns, \
+         as a recording of ROS, write gyro_unit = \"deg_s\" in [imu] of the project",
     )
 }
 

@@ -8,7 +8,7 @@ use super::parquet;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::{pts, table as cloud_table};
 use crate::format::log::positions;
-use crate::format::poses::table as pose_table;
+use crate::format::poses::tum;
 use crate::format::text::lines::{Lines, Separator, numbers};
 
 /// Detects the format of a file; that of an [`Input`] is remembered.
@@ -58,7 +58,7 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
         if text.is_empty() {
             continue;
         }
-        if let Some(text) = text.strip_prefix('#') {
+        if let Some(text) = text.strip_prefix(['#', '%']) {
             comment = Separator::of(text).names(text);
             continue;
         }
@@ -77,8 +77,8 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
         if let Some(format) = by_columns(&comment) {
             return Ok(format);
         }
-        if comment == pose_table::TUM_COLUMNS {
-            return Ok(&pose_table::TUM);
+        if tum::is_header(&comment) {
+            return Ok(&tum::TUM);
         }
         let header = by_header(&comment).filter(|_| comment.len() == cells.len());
         if let Some(format) = header {

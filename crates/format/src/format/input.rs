@@ -4,7 +4,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::file::file_of;
 use crate::error::{Error, Location, Result};
@@ -21,6 +21,17 @@ struct Content {
     path: PathBuf,
     excerpt: Option<Excerpt>,
     detected: OnceLock<usize>,
+    remarks: Arc<Mutex<Vec<String>>>,
+    point_times: PointTimes,
+}
+
+/// What a recording does not say about the times of the points in its clouds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointTimes {
+    /// The field of a point that holds its time; `None`: one of the known names.
+    pub field: Option<String>,
+    /// The unit of this field, seconds; `None`: by the type of the field.
+    pub unit_s: Option<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -36,15 +47,57 @@ impl Input {
     /// Some records of the log at `path`, below its header if it has one. Files that lie beside the log do not apply
     /// to an excerpt, and an excerpt of a table of positions may hold no position.
     pub fn excerpt(path: &Path, bytes: Vec<u8>) -> Self {
-        Self::new(path, Some(Excerpt(bytes.into())))
+        Self::new(path, Some(Excerpt(bytes.into())), Arc::default())
     }
 
-    fn new(path: &Path, excerpt: Option<Excerpt>) -> Self {
+    fn new(path: &Path, excerpt: Option<Excerpt>, remarks: Arc<Mutex<Vec<String>>>) -> Self {
         Self(Arc::new(Content {
             path: path.to_owned(),
             excerpt,
             detected: OnceLock::new(),
+            remarks,
+            point_times: PointTimes::default(),
         }))
+    }
+
+    /// This file, with `point_times` for the points of its clouds.
+    pub fn with_point_times(&self, point_times: PointTimes) -> Self {
+        Self(Arc::new(Content {
+            path: self.0.path.clone(),
+            excerpt: self.0.excerpt.clone(),
+            detected: OnceLock::new(),
+            remarks: self.0.remarks.clone(),
+            point_times,
+        }))
+    }
+
+    /// What the user says about the times of points.
+    pub(crate) fn point_times(&self) -> &PointTimes {
+        &self.0.point_times
+    }
+
+    /// The file of which this input names a part; remarks on it are remarks on this input.
+    pub(crate) fn of_file(&self, file: &Path) -> Self {
+        Self::new(file, None, self.0.remarks.clone()).with_point_times(self.0.point_times.clone())
+    }
+
+    /// Keeps a sentence on what a reader left out or assumed; the same sentence is kept once.
+    pub fn remark(&self, text: impl Into<String>) {
+        let text = text.into();
+        let mut remarks = self
+            .0
+            .remarks
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        if !remarks.contains(&text) {
+            remarks.push(text);
+        }
+    }
+
+    /// What the readers of this input and of its clones left out or assumed so far.
+    pub fn remarks(&self) -> Vec<String> {
+        let remarks = self.0.remarks.lock();
+        remarks.unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The path of the file, which may also name a part of the file after a `#`.
@@ -148,7 +201,7 @@ fn open_file(path: &Path) -> Result<(File, u64)> {
 
 impl<P: AsRef<Path> + ?Sized> From<&P> for Input {
     fn from(path: &P) -> Self {
-        Self::new(path.as_ref(), None)
+        Self::new(path.as_ref(), None, Arc::default())
     }
 }
 

@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 39] = [
+pub(crate) const KINDS: [&Kind; 40] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -20,6 +20,7 @@ pub(crate) const KINDS: [&Kind; 39] = [
     &log::sbg::LOG,
     &log::nmea::LOG,
     &log::gsi::MEASUREMENTS,
+    &log::rtklib::POSITIONS,
     &log::kitti::OXTS_TIMES,
     &log::sbg_text::EXPORT,
     &profiles::gocator_csv::EXPORT,
@@ -31,7 +32,7 @@ pub(crate) const KINDS: [&Kind; 39] = [
     &cloud::pts::PTX,
     &poses::bonn_trajectory::TRJ,
     &log::kitti::POSES,
-    &poses::table::TUM,
+    &poses::tum::TUM,
     &project_file::PROJECT,
     &mountings::table::MOUNTING_TABLE,
     &poses::table::POSE_TABLE,

@@ -24,6 +24,7 @@ mod mountings;
 mod mutation;
 #[cfg_attr(not(feature = "parquet"), path = "parquet_absent.rs")]
 mod parquet;
+mod plausible;
 mod poses;
 mod profiles;
 mod project_file;
@@ -44,7 +45,7 @@ pub use detect::detect;
 pub use extents::Extent;
 pub use file::{file_of, is_in_recording};
 pub use files::files_of;
-pub use input::Input;
+pub use input::{Input, PointTimes};
 pub use inspect::{Bounds, Gap, Inspection, inspect};
 pub use kind::Format;
 pub use las::copc::copc_sink;

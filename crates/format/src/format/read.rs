@@ -1,18 +1,20 @@
 //! Readers of each kind of measurement, for every format that holds it.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::detect::detect;
 use super::file::nothing_in;
 use super::input::Input;
 use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
+use super::plausible::{check_place, check_time};
 use super::recorded::{SensorClock, sensor_clock, station_times};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::table as cloud_table;
 use crate::format::log::{positions, tables as native};
+use crate::format::poses::order::in_time_order;
 use crate::format::poses::{sbet, table as pose_table};
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::profiles::table as profile;
@@ -60,6 +62,7 @@ pub fn read_imu(input: impl Into<Input>) -> Result<Vec<ImuSample>> {
     let input = &input.into();
     let mut samples = reader(input, "an IMU log", |kind| kind.imu, &native::IMU_TABLE)?(input)?;
     put_on_common_time(input, &mut samples)?;
+    check_times(input, &samples)?;
     Ok(samples)
 }
 
@@ -72,6 +75,7 @@ pub fn read_heading(input: impl Into<Input>) -> Result<Vec<HeadingFix>> {
     let select = |kind: &Kind| kind.heading;
     let mut fixes = reader(input, "a heading log", select, &native::HEADING_TABLE)?(input)?;
     put_on_common_time(input, &mut fixes)?;
+    check_times(input, &fixes)?;
     Ok(fixes)
 }
 
@@ -96,7 +100,16 @@ pub fn read_positions(input: impl Into<Input>, observations: &Observations) -> R
             fix.time_s = *corrected_s;
         }
     }
+    check_times(input, &positions.fixes)?;
+    for fix in &positions.fixes {
+        check_place(input.path(), &fix.position_m)?;
+    }
     Ok(positions)
+}
+
+fn check_times<T: Timed>(input: &Input, records: &[T]) -> Result<()> {
+    let mut times_s = records.iter().map(T::time_s);
+    times_s.try_for_each(|time_s| check_time(input.path(), time_s))
 }
 
 /// Converts the times of a recorded sensor to the common time of its recording.
@@ -113,19 +126,22 @@ fn convert_times<T: Timed>(clock: &SensorClock, records: &mut [T]) {
     }
 }
 
-/// Reads a trajectory with increasing times.
+/// Reads a trajectory in time order. Times that start again at midnight or at the end of the week are continued; poses that
+/// repeat a time or are out of order are left out, which the input remarks.
 ///
 /// # Errors
-/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; times
-/// that do not increase; no poses.
+/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; fewer than half of
+/// the poses in time order; no poses.
 pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
-    reader(
-        input,
-        "a trajectory",
-        |kind| kind.poses,
-        &pose_table::POSE_TABLE,
-    )?(input)
+    let select = |kind: &Kind| kind.poses;
+    let read = reader(input, "a trajectory", select, &pose_table::POSE_TABLE)?;
+    let poses = in_time_order(input, read(input)?)?;
+    for pose in &poses {
+        check_time(input.path(), pose.time_s)?;
+        check_place(input.path(), &pose.world_from_body.translation_m)?;
+    }
+    Ok(poses)
 }
 
 /// Reads a position log like [`read_positions`], and projects geographic positions.
@@ -154,9 +170,10 @@ pub fn read_projected_positions(
         } => Error::data(format!("{}: {problem}", input.path().display()), remedy),
         other => other,
     })?;
+    let qualities = geographic.iter().map(|fix| fix.quality);
     Ok(Positions {
-        fixes,
-        rejected: Vec::new(),
+        qualities: qualities.collect::<Option<_>>().unwrap_or_default(),
+        ..Positions::of(fixes)
     })
 }
 
@@ -207,6 +224,12 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
     if cloud.points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
     }
+    for point in &cloud.points {
+        check_place(input.path(), point)?;
+    }
+    for time_s in &cloud.time_s {
+        check_time(input.path(), *time_s)?;
+    }
     cloud.forget_incomplete();
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(
@@ -251,22 +274,30 @@ pub fn open_profiles(input: impl Into<Input>) -> Result<Box<dyn ProfileReader>> 
     let input = &input.into();
     let select = |kind: &Kind| kind.profiles;
     let profiles = reader(input, "profiles", select, &profile::PROFILE_TABLE)?(input)?;
-    Ok(match sensor_clock(input)? {
-        Some(clock) => Box::new(OnCommonTime { profiles, clock }),
-        None => profiles,
-    })
+    Ok(Box::new(OnCommonTime {
+        profiles,
+        clock: sensor_clock(input)?,
+        path: input.path().to_owned(),
+    }))
 }
 
-/// Profiles of a recorded scanner with times on the common clock of its recording.
+/// Profiles of a scanner, of a recorded one with times on the common clock of its recording.
 struct OnCommonTime {
     profiles: Box<dyn ProfileReader>,
-    clock: SensorClock,
+    clock: Option<SensorClock>,
+    path: PathBuf,
 }
 
 impl ProfileReader for OnCommonTime {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         let is_more = self.profiles.next_chunk(into)?;
-        convert_times(&self.clock, into);
+        if let Some(clock) = &self.clock {
+            convert_times(clock, into);
+        }
+        for point in into.iter() {
+            check_time(&self.path, point.time_s)?;
+            check_place(&self.path, &point.position_m)?;
+        }
         Ok(is_more)
     }
 

@@ -8,13 +8,14 @@ use super::detect::detect;
 use super::input::Input;
 use super::kind::{Kind, RecordAt};
 use super::kinds::KINDS;
+use super::ros;
 use crate::error::{Error, Location, Result};
 use crate::format::text::lines::Separator;
 
 /// Numbers of the records and bytes salvaged from a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Salvaged {
-    /// Profiles of a recording, or rows of a table, in the copy.
+    /// Profiles or messages of a recording, or rows of a table, in the copy.
     pub kept: u64,
     /// Rows of a table that were left out.
     pub dropped_rows: u64,
@@ -43,7 +44,7 @@ const LONGEST_LINE: u64 = 1 << 20;
 /// profile seldom have a time within it.
 const LONGEST_PAUSE_S: f64 = 3600.0;
 
-/// Writes a copy of a recording (`.bin`) or of a text table to `to`. The copy leaves out records and rows that
+/// Writes a copy of a recording (`.bin`, a ROS bag or MCAP) or of a text table to `to`. The copy leaves out records and rows that
 /// are cut off, that cannot be read, or that contain a value that is not a finite number.
 ///
 /// # Errors
@@ -54,6 +55,7 @@ pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
     let is_parquet = input.is_parquet();
     let salvaged = match detected.and_then(|kind| kind.record) {
         Some(record) => records(input, to, record),
+        None if detected.is_some_and(|kind| kind.id == ros::BAG.id) => recording(input, to),
         None if detected.is_none_or(is_text) && !is_parquet => rows(input, to),
         None => {
             let kinds = KINDS.iter().filter(|kind| kind.record.is_some());
@@ -66,7 +68,7 @@ pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
             let found = detected
                 .filter(|_| !is_parquet)
                 .map_or(other, |kind| kind.name);
-            let expected = format!("a text table, or {}", names.join(", "));
+            let expected = format!("a text table, or {}, {}", names.join(", "), ros::BAG.name);
             return Err(Error::format(path, Location::Whole, found, expected));
         }
     }?;
@@ -75,10 +77,23 @@ pub fn salvage(path: &Path, to: &Path) -> Result<Salvaged> {
             path,
             Location::Whole,
             "no undamaged content",
-            "profiles or rows",
+            "profiles, messages or rows",
         )),
         _ => Ok(salvaged),
     }
+}
+
+/// Copies a recording of ROS.
+fn recording(input: &Input, to: &Path) -> Result<Salvaged> {
+    let copied = ros::copy_whole_records(input, to)?;
+    let left_out = &copied.left_out;
+    Ok(Salvaged {
+        kept: copied.messages,
+        dropped_rows: 0,
+        dropped_bytes: left_out.iter().map(|(_, length)| length).sum(),
+        places: left_out.len() as u64,
+        first_byte: left_out.first().map(|(start, _)| *start),
+    })
 }
 
 fn is_text(kind: &Kind) -> bool {

@@ -15,6 +15,8 @@ pub struct Continued {
     last_s: f64,
     /// What is added to it.
     added_s: f64,
+    /// The last time, as written, before the first start.
+    end_s: Option<f64>,
 }
 
 impl Default for Continued {
@@ -22,6 +24,7 @@ impl Default for Continued {
         Self {
             last_s: f64::NEG_INFINITY,
             added_s: 0.0,
+            end_s: None,
         }
     }
 }
@@ -35,6 +38,7 @@ impl Continued {
         for period_s in PERIODS_S {
             if is_start(time_s) && is_end(self.last_s, period_s) {
                 self.added_s += period_s;
+                self.end_s.get_or_insert(self.last_s);
             } else if is_start(self.last_s) && is_end(time_s, period_s) && self.added_s > 0.0 {
                 // A record out of order, from before the clock started again.
                 self.added_s -= period_s;
@@ -57,19 +61,49 @@ impl Continued {
         Ok(continued_s)
     }
 
+    /// A sentence on times that started again; `None` if none did.
+    pub fn remark(&self) -> Option<String> {
+        let end_s = self.end_s?;
+        Some(format!(
+            "the times start again at 0 after {end_s} s, as at midnight or at the end of the GPS week: they are \
+             continued past that"
+        ))
+    }
+
     /// Whether there was no time yet.
     pub fn is_empty(&self) -> bool {
         self.last_s == f64::NEG_INFINITY
     }
 }
 
-/// Continues the times of a log past midnight and the end of the week.
-pub fn continue_times<T: Timed>(records: &mut [T]) {
+/// Continues the times of a log past midnight and the end of the week; returns a sentence on it if they started again.
+pub fn continue_times<T: Timed>(records: &mut [T]) -> Option<String> {
     let mut times = Continued::default();
     for record in records {
         let time_s = record.time_s_mut();
         *time_s = times.at(*time_s);
     }
+    times.remark()
+}
+
+/// What to add to the times of a log from `first_s` to `last_s` so that they overlap `span_s`, if both are times of the
+/// day or of the week and one of them begins after the clock started again; 0 if they overlap as they are or not at all.
+pub fn start_between_s([first_s, last_s]: [f64; 2], span_s: [f64; 2]) -> f64 {
+    let overlaps = |shift_s: f64| first_s + shift_s < span_s[1] && last_s + shift_s > span_s[0];
+    if overlaps(0.0) {
+        return 0.0;
+    }
+    let is_within = |period_s: f64| {
+        let times_s = [first_s, last_s, span_s[0], span_s[1]];
+        times_s
+            .iter()
+            .all(|time_s| (0.0..2.0 * period_s).contains(time_s))
+    };
+    let shifts = PERIODS_S
+        .into_iter()
+        .filter(|period_s| is_within(*period_s));
+    let mut shifts = shifts.flat_map(|period_s| [period_s, -period_s]);
+    shifts.find(|shift_s| overlaps(*shift_s)).unwrap_or(0.0)
 }
 
 #[cfg(test)]
@@ -97,6 +131,20 @@ mod tests {
             continued(&written),
             [86_399.8, 86_400.0, 86_399.9, 86_400.1]
         );
+    }
+
+    #[test]
+    fn logs_on_both_sides_of_the_start_are_put_together() {
+        let week_s = [604_700.0, 605_000.0];
+        assert_eq!(start_between_s([20.0, 200.0], week_s), 604_800.0);
+        assert_eq!(start_between_s(week_s, [20.0, 200.0]), -604_800.0);
+        assert_eq!(
+            start_between_s([86_000.0, 86_500.0], [5.0, 90.0]),
+            -86_400.0
+        );
+        assert_eq!(start_between_s([604_750.0, 604_760.0], week_s), 0.0);
+        assert_eq!(start_between_s([1000.0, 2000.0], week_s), 0.0);
+        assert_eq!(start_between_s([1.7e9, 1.7e9 + 9.0], week_s), 0.0);
     }
 
     #[test]

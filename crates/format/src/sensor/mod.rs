@@ -2,7 +2,9 @@
 
 mod continued;
 mod frame_log;
+mod order;
 mod projected;
+mod quality;
 mod record;
 mod total_station;
 
@@ -12,9 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
-pub use continued::{Continued, continue_times};
+pub use continued::{Continued, continue_times, start_between_s};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
+pub use order::longest_increasing;
 pub use projected::project_fixes;
+pub use quality::FixQuality;
 pub use record::Record;
 pub use total_station::{Observations, PolarObservation, TotalStation, VerticalAngle};
 
@@ -67,6 +71,8 @@ pub struct GeographicFix {
     pub height_m: f64,
     /// Standard deviations to the east, to the north and upwards if the file gives them, metres.
     pub sigma_m: Option<Vec3>,
+    /// How the receiver computed it, if the file says so.
+    pub quality: Option<FixQuality>,
 }
 
 /// One heading of the antenna baseline, with its pitch if the receiver gives one.
@@ -129,6 +135,8 @@ pub struct Positions {
     pub fixes: Vec<PositionFix>,
     /// Rows without a measurement: the instrument did not see the prism.
     pub rejected: Vec<RejectedRow>,
+    /// How a GNSS receiver computed each fix; empty if the log does not say so.
+    pub qualities: Vec<FixQuality>,
 }
 
 /// One laser point in the frame of its scanner.
@@ -290,8 +298,15 @@ fn unit_hint(a: (&str, (f64, f64)), b: (&str, (f64, f64))) -> Option<String> {
 /// Names the mix of clocks that a gap of this size suggests.
 fn clock_hint(gap_s: f64) -> &'static str {
     const GPS_EPOCH_UNIX_S: f64 = 315_964_800.0;
-    if (gap_s - GPS_EPOCH_UNIX_S).abs() < 86_400.0 {
+    /// Adjusted GPS time, of LAS files, counts seconds since 1980 less this.
+    const ADJUSTED_S: f64 = 1e9;
+    let is_about = |clocks_s: f64| (gap_s - clocks_s).abs() < 86_400.0;
+    if is_about(GPS_EPOCH_UNIX_S) {
         " (close to the 315964800 s between the Unix and the GPS epoch: are the clocks mixed?)"
+    } else if is_about(GPS_EPOCH_UNIX_S + ADJUSTED_S) {
+        " (close to the 1315964782 s between Unix time and adjusted GPS time: are the clocks mixed?)"
+    } else if is_about(ADJUSTED_S) {
+        " (close to the 1000000000 s between GPS time and adjusted GPS time: are the clocks mixed?)"
     } else if gap_s > 1e8 {
         " (is one clock absolute and the other relative?)"
     } else {
@@ -308,6 +323,30 @@ mod tests {
         let error = check_overlap(("imu", (0.0, 10.0)), ("prism", (12.5, 20.0))).unwrap_err();
         assert!(error.to_string().contains("the gap is 2.500 s"), "{error}");
         assert!(check_overlap(("imu", (0.0, 10.0)), ("prism", (9.0, 20.0))).is_ok());
+    }
+
+    #[test]
+    fn gaps_between_epochs_are_named() {
+        for (other_s, expected) in [
+            (
+                1.7e9 - 315_964_782.0,
+                "315964800 s between the Unix and the GPS epoch",
+            ),
+            (
+                1.7e9 - 1_315_964_782.0,
+                "1315964782 s between Unix time and adjusted GPS time",
+            ),
+            (
+                1.7e9 - 1e9,
+                "1000000000 s between GPS time and adjusted GPS time",
+            ),
+            (5.0, "is one clock absolute and the other relative?"),
+        ] {
+            let unix_s = (1.7e9, 1.7e9 + 300.0);
+            let error = check_overlap(("imu", unix_s), ("prism", (other_s, other_s + 300.0)));
+            let error = error.unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
     }
 
     #[test]

@@ -47,6 +47,7 @@ mod tests {
             longitude_rad: 6.2f64.to_radians(),
             height_m: 123.25,
             sigma_m: Some(Vec3::new(0.01, 0.03, 0.05)),
+            quality: None,
         };
         let found = project_fixes(&[fix], &system).unwrap()[0];
         // pyproj 3.7.2, Proj("EPSG:25832")(6.2, 50.7).

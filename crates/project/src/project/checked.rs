@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use super::quality::QualityNoise;
+use super::units::ImuUnits;
 use crate::calibration::CalibrationSettings;
 use crate::comparison::ComparisonSettings;
+use crate::format::PointTimes;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention, Projection, Vec3};
 use crate::joint::{Compliance, JointSettings};
 use crate::report::Imprint;
@@ -69,6 +72,8 @@ pub enum Motion {
 pub struct Logs {
     /// Rates and specific forces.
     pub imu: LogFile,
+    /// Their units.
+    pub imu_units: ImuUnits,
     /// Positions of prisms and GNSS antennas, in the order of
     /// [`TrajectorySettings::positions`].
     pub positions: Vec<PositionLog>,
@@ -108,6 +113,8 @@ pub struct PositionLog {
     /// The kind of its observations. The station of polar observations is in world coordinates, before
     /// the project's origin is subtracted.
     pub observations: Observations,
+    /// Standard deviations of GNSS positions whose ambiguities are not fixed.
+    pub by_quality: QualityNoise,
 }
 
 /// A file of poses.
@@ -141,6 +148,8 @@ pub struct Scanner {
     pub profiles: Vec<PathBuf>,
     /// Common time = scanner time + this, seconds.
     pub time_offset_s: f64,
+    /// What a recording of ROS does not say about the times of points.
+    pub point_times: PointTimes,
     /// Whether the joint adjustment estimates a correction of the time offset.
     pub estimate_time_offset: bool,
     /// The initial mounting.

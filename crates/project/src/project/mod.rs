@@ -5,17 +5,21 @@ mod checked;
 mod files;
 mod other;
 mod print;
+mod quality;
 mod resolve;
 mod shapes;
 mod source;
+mod units;
 mod written;
 
 pub use checked::{
     FrameLogFile, LogFile, Logs, Motion, OtherDrive, PosesFile, PositionLog, Project, Reference,
     Scanner,
 };
+pub use quality::QualityNoise;
 pub use resolve::comparison;
 pub use source::{Source, Step};
+pub use units::{AccelUnit, GyroUnit, ImuUnits, TimeUnit};
 pub use written::Comparison as WrittenComparison;
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::checked::{
 };
 use super::resolve::{AUTO, TIME_OFFSET, arcsec_to_radians};
 use super::shapes::{Files, Numbers};
+use super::units::TimeUnit;
 use super::written::{self, ObservationKind, Written};
 use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::error::{Error, Result};
@@ -207,11 +208,15 @@ fn write_prism(log: &PositionLog, settings: &PositionSettings) -> written::Prism
 }
 
 fn write_gnss(log: &PositionLog, settings: &PositionSettings) -> written::Gnss {
+    let noise = &log.by_quality;
     written::Gnss {
         name: Some(settings.name.clone()),
         file: log.path.clone(),
         time_offset_s: Some(log.time_offset_s),
         sigma_m: Some(Numbers(settings.sigma_m.into())),
+        sigma_float_m: Some(Numbers(noise.float_m.into())),
+        sigma_differential_m: Some(Numbers(noise.differential_m.into())),
+        sigma_single_m: Some(Numbers(noise.single_m.into())),
         sigma_correlated_m: Some(Numbers(settings.sigma_correlated_m.into())),
         correlation_s: Some(settings.correlation_s),
         lever_arm_m: settings.lever_arm_m.into(),
@@ -231,6 +236,8 @@ fn write_logs(logs: &Logs, written: &mut Written) {
     written.imu = Some(written::Imu {
         file: logs.imu.path.clone(),
         time_offset_s: Some(logs.imu.time_offset_s),
+        accel_unit: Some(logs.imu_units.accel),
+        gyro_unit: Some(logs.imu_units.gyro),
         gyro_noise_deg_sqrt_h: Some(preimage(noise.gyro_density, ImuNoise::gyro_density)),
         accel_noise_ug_sqrt_hz: Some(preimage(noise.accel_density, ImuNoise::accel_density)),
         gyro_bias_instability_deg_h: gyro,
@@ -292,6 +299,8 @@ fn scanner(scanner: &Scanner) -> written::Scanner {
         name: scanner.name.clone(),
         profiles: Files(scanner.profiles.clone()),
         time_offset_s: Some(scanner.time_offset_s),
+        point_time_field: scanner.point_times.field.clone(),
+        point_time_unit: scanner.point_times.unit_s.and_then(TimeUnit::of_length_s),
         translation_m: scanner.body_from_scanner.translation_m.into(),
         rotation_deg,
         quaternion_xyzw: rotation_deg.is_none().then(|| {

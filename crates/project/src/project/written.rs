@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::shapes::{Files, Numbers, Tables};
+use super::units::{AccelUnit, GyroUnit, TimeUnit};
 use crate::calibration;
 use crate::comparison::{Aggregation, Detection};
 use crate::geometry::{BodyAxes, EulerConvention};
@@ -99,6 +100,10 @@ pub struct Imu {
     pub file: PathBuf,
     /// Common time = sensor time + this.
     pub time_offset_s: Option<f64>,
+    /// Unit of the specific forces if the file cannot name it, as a recording of ROS: `"m_s2"`, `"g"`, `"mg"`.
+    pub accel_unit: Option<AccelUnit>,
+    /// Unit of the angular rates if the file cannot name it: `"rad_s"`, `"deg_s"`.
+    pub gyro_unit: Option<GyroUnit>,
     /// Angle random walk, °/√h, as datasheets give it.
     pub gyro_noise_deg_sqrt_h: Option<f64>,
     /// Velocity random walk, µg/√Hz, as datasheets give it.
@@ -179,6 +184,12 @@ pub struct Gnss {
     /// Standard deviation of each coordinate, or of east, north, up, if the log gives none.
     /// Positions are in projected or local coordinates.
     pub sigma_m: Option<Numbers>,
+    /// Standard deviation where the receiver reports a float solution and gives no standard deviation itself.
+    pub sigma_float_m: Option<Numbers>,
+    /// The same for a differential solution (DGPS, SBAS).
+    pub sigma_differential_m: Option<Numbers>,
+    /// The same for a single solution. Errors of float, differential and single solutions last `correlation_s`.
+    pub sigma_single_m: Option<Numbers>,
     /// Standard deviation of time-correlated errors, in addition to `sigma_m`: of each coordinate, or of east, north,
     /// up.
     pub sigma_correlated_m: Option<Numbers>,
@@ -257,6 +268,11 @@ pub struct Scanner {
     pub profiles: Files,
     /// Common time = scanner time + this.
     pub time_offset_s: Option<f64>,
+    /// With a recording of ROS: the field of the points of a cloud that holds their times, if its name is not known; `""` if
+    /// they have none.
+    pub point_time_field: Option<String>,
+    /// With a recording of ROS: the unit of these times if it is not that of their type: `"s"`, `"ms"`, `"us"`, `"ns"`.
+    pub point_time_unit: Option<TimeUnit>,
     /// Position of the scanner in the body frame, from the IMU, to some centimetres.
     pub translation_m: [f64; 3],
     /// α, β, γ in `rotation_convention`, to some degrees; this or `quaternion_xyzw` is required.

@@ -2,8 +2,14 @@
 
 use super::inspection::{Bounds, Gap, Inspection};
 use super::picture::Picture;
+use crate::error::Result;
+use crate::format::plausible::{check_place, check_time};
+use crate::geometry::Vec3;
+use crate::sensor::Continued;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
+/// Columns with coordinates.
+const COORDINATES: [&str; 6] = ["x_m", "y_m", "z_m", "east_m", "north_m", "up_m"];
 /// Largest number of gaps listed.
 const MOST_GAPS: usize = 10;
 /// Largest number of intervals from which the median is taken.
@@ -18,12 +24,14 @@ pub(super) struct Times {
     intervals: Vec<f64>,
     longest: Vec<Gap>,
     backwards: u64,
+    continued: Continued,
     /// Rows with the time of the previous row.
     pub(super) repeated: u64,
 }
 
 impl Times {
     fn add(&mut self, time_s: f64) {
+        let time_s = self.continued.at(time_s);
         let span = self.span.get_or_insert([time_s; 2]);
         *span = [span[0].min(time_s), span[1].max(time_s)];
         let Some(last) = self.last.replace(time_s) else {
@@ -52,18 +60,22 @@ impl Times {
         }
     }
 
-    fn report(mut self, into: &mut Inspection) {
+    fn report(mut self, into: &mut Inspection) -> Result<()> {
         into.span_s = self.span;
+        for time_s in self.span.into_iter().flatten() {
+            check_time(&into.path, time_s)?;
+        }
+        into.notes.extend(self.continued.remark());
         if self.backwards > 0 {
             into.notes.push(format!(
                 "the time goes backwards {} times: the rows are not in time order",
                 self.backwards
             ));
-            return;
+            return Ok(());
         }
         into.epochs = self.span.map(|_| self.epochs);
         let Some(median_s) = median(self.intervals.clone()) else {
-            return;
+            return Ok(());
         };
         let mut deviations_s = std::mem::take(&mut self.intervals);
         deviations_s
@@ -73,6 +85,7 @@ impl Times {
         into.jitter_s = median(deviations_s).map(|mad_s| SIGMAS_PER_MAD * mad_s);
         into.gaps = self.longest;
         into.gaps.retain(|gap| gap.duration_s > 5.0 * median_s);
+        Ok(())
     }
 }
 
@@ -126,13 +139,21 @@ impl StreamSummary {
     }
 
     /// Writes the summary into an inspection.
-    pub(super) fn report(mut self, into: &mut Inspection) {
+    ///
+    /// # Errors
+    /// Times or coordinates that no sensor can have.
+    pub(super) fn report(mut self, into: &mut Inspection) -> Result<()> {
         self.bounds.retain(|b| b.min <= b.max);
+        for bounds in &self.bounds {
+            if COORDINATES.contains(&bounds.column.as_str()) {
+                check_place(&into.path, &Vec3::new(bounds.min, bounds.max, 0.0))?;
+            }
+        }
         into.bounds = self.bounds;
         into.count = self.count;
         into.picture = self
             .picture
             .map_or_else(Vec::new, |picture| picture.lines());
-        self.clock.report(into);
+        self.clock.report(into)
     }
 }

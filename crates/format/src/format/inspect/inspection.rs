@@ -66,7 +66,10 @@ impl fmt::Display for Inspection {
         writeln!(f, "  format   {}", self.format)?;
         writeln!(f, "  frame    {}", self.frame)?;
         writeln!(f, "  size     {} bytes", self.bytes)?;
-        writeln!(f, "  rows     {}", self.count)?;
+        // Nothing is counted where no part of the file was summarised.
+        if self.count > 0 {
+            writeln!(f, "  rows     {}", self.count)?;
+        }
         if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {
             writeln!(f, "  epochs   {epochs}")?;
         }

@@ -3,6 +3,7 @@
 mod gather;
 mod inspection;
 mod picture;
+mod recording;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
@@ -17,9 +18,10 @@ use crate::format::mountings::bonn_xml::read_mounting;
 use crate::format::poses::sbet;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
-use crate::sensor::Observations;
+use crate::sensor::{FixQuality, Observations};
 use gather::StreamSummary;
 pub use inspection::{Bounds, Gap, Inspection};
+use recording::inspect_recording;
 
 /// Columns of points.
 const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
@@ -63,7 +65,7 @@ pub fn inspect(input: impl Into<Input>) -> Result<Inspection> {
                 "inspect the files that it names, or inspect it as a project",
             ));
         }
-        _ if kind.contents.is_some() => inspect_log(input, kind, &mut report)?,
+        ("ros-bag", _) => inspect_recording(input, kind, &mut report)?,
         _ if kind.profiles.is_some() => inspect_profiles(input, &mut report)?,
         _ if kind.poses.is_some() => inspect_poses(input, &mut report)?,
         _ if kind.cloud.is_some() => inspect_cloud(input, &mut report)?,
@@ -73,6 +75,7 @@ pub fn inspect(input: impl Into<Input>) -> Result<Inspection> {
         Frame::Fixed(text) => text.to_owned(),
         Frame::OfFile(tell) => tell(input)?,
     };
+    report.notes.extend(input.remarks());
     Ok(report)
 }
 
@@ -107,7 +110,7 @@ fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> R
     }
     report.columns = table.names().to_vec();
     let repeated = summary.clock.repeated;
-    summary.report(report);
+    summary.report(report)?;
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
     }
@@ -133,8 +136,7 @@ fn inspect_profiles(input: &Input, report: &mut Inspection) -> Result<()> {
             summary.add(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         }
     }
-    summary.report(report);
-    Ok(())
+    summary.report(report)
 }
 
 fn inspect_poses(input: &Input, report: &mut Inspection) -> Result<()> {
@@ -143,8 +145,7 @@ fn inspect_poses(input: &Input, report: &mut Inspection) -> Result<()> {
         let position = pose.world_from_body.translation_m;
         summary.add(pose.time_s, position.iter().copied());
     }
-    summary.report(report);
-    Ok(())
+    summary.report(report)
 }
 
 /// Summarises a log that may hold several kinds of measurements: the first kind that can be read, in the order
@@ -153,7 +154,7 @@ fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()
     if let Some(contents) = kind.contents {
         report.notes.push(contents(input)?);
     }
-    let mut first_error = None;
+    let mut last_error = None;
     for inspect in [
         inspect_imu,
         inspect_heading,
@@ -162,17 +163,13 @@ fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()
     ] {
         match inspect(input, kind) {
             Some(Ok(summary)) => {
-                summary.report(report);
-                return Ok(());
+                return summary.report(report);
             }
-            Some(Err(error)) => first_error = first_error.or(Some(error)),
+            Some(Err(error)) => last_error = Some(error),
             None => {}
         }
     }
-    match kind.contents {
-        Some(_) => Ok(()),
-        None => first_error.map_or(Ok(()), Err),
-    }
+    last_error.map_or(Ok(()), Err)
 }
 
 fn inspect_imu(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
@@ -200,9 +197,15 @@ fn inspect_heading(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> 
 fn inspect_geographic(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.geographic.map(|read| {
         let mut summary = StreamSummary::of_columns(&["latitude_deg", "longitude_deg", "height_m"]);
+        let mut qualities = Vec::new();
         for fix in read(input)? {
             let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
             summary.add(fix.time_s, [latitude, longitude, fix.height_m]);
+            qualities.extend(fix.quality);
+        }
+        if !qualities.is_empty() {
+            let counts = FixQuality::counts(qualities.iter().copied());
+            input.remark(format!("solutions of the receiver: {counts}"));
         }
         Ok(summary)
     })
@@ -224,8 +227,7 @@ fn inspect_sbet(input: &Input, report: &mut Inspection) -> Result<()> {
         summary.add(row[0], row[1..].iter().copied());
     })?;
     report.columns = sbet::COLUMNS.map(str::to_owned).to_vec();
-    summary.report(report);
-    Ok(())
+    summary.report(report)
 }
 
 fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
@@ -245,8 +247,7 @@ fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
                 .to_owned(),
         );
     }
-    summary.report(report);
-    Ok(())
+    summary.report(report)
 }
 
 fn inspect_cloud(input: &Input, report: &mut Inspection) -> Result<()> {
@@ -257,8 +258,7 @@ fn inspect_cloud(input: &Input, report: &mut Inspection) -> Result<()> {
         let time_s = cloud.time_s.get(i).copied().unwrap_or(f64::NAN);
         summary.add(time_s, [p.x, p.y, p.z, intensity]);
     }
-    summary.report(report);
-    Ok(())
+    summary.report(report)
 }
 
 fn inspect_mounting(input: &Input, report: &mut Inspection) -> Result<()> {

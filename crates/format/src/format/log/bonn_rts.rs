@@ -197,6 +197,7 @@ fn read_positions(input: &Input, observations: &Observations) -> Result<Position
             .map(|rts| instrument.position_fix(&rts.at(rts.ref_time_s)))
             .collect(),
         rejected: log.rejected,
+        ..Positions::default()
     })
 }
 

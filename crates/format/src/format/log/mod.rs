@@ -8,6 +8,7 @@ pub(super) mod kitti;
 pub(super) mod nmea;
 mod old_distance;
 pub(super) mod positions;
+pub(super) mod rtklib;
 pub(super) mod sbg;
 pub(super) mod sbg_text;
 pub(super) mod tables;

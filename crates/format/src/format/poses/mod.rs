@@ -1,6 +1,8 @@
 //! Trajectories.
 
 pub(super) mod bonn_trajectory;
+pub(super) mod order;
 pub(super) mod sbet;
 pub(super) mod sbet_out;
 pub(super) mod table;
+pub(super) mod tum;

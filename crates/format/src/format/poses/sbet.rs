@@ -8,9 +8,9 @@
 
 use crate::error::{Error, Location, Result};
 use crate::format::binary::{Bytes, Number};
-use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::poses::order::in_time_order;
 use crate::geometry::attitude::from_roll_pitch_heading;
 use crate::geometry::{Misfit, Projection, Vec3, WorldFromBody};
 use crate::sensor::PoseRecord;
@@ -112,7 +112,7 @@ fn try_for_each(input: &Input, mut take: impl FnMut(u64, &[f64; 17]) -> Result<(
 /// file, most often seconds of the GPS week; no datum shift is applied.
 ///
 /// # Errors
-/// A file that is cut off or has numbers that are not finite, times that do not increase, positions
+/// A file that is cut off or has numbers that are not finite, times out of order, positions
 /// outside `system`, no records. Errors of a record name its byte.
 pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
@@ -126,22 +126,13 @@ pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<Pos
                 expected,
             ))
         };
-        let time_s = values[0];
-        if let Some(last) = records.last().filter(|last| time_s <= last.time_s) {
-            let found = format!("time {time_s} s after {} s", last.time_s);
-            return error(found, "times that increase".to_owned());
-        }
         match pose(values, system) {
             Ok(pose) => records.push(pose),
             Err(misfit) => return error(misfit.found, misfit.expected),
         }
         Ok(())
     })?;
-    if records.is_empty() {
-        Err(nothing_in(input.path(), "pose"))
-    } else {
-        Ok(records)
-    }
+    in_time_order(input, records)
 }
 
 fn pose(values: &[f64; 17], system: &Projection) -> std::result::Result<PoseRecord, Misfit> {

@@ -1,11 +1,10 @@
-//! Trajectories as text: the native table, and TUM.
+//! Trajectories as text: the native table, lines of numbers, and the writer of TUM.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::{read_rows, write_rows};
@@ -46,16 +45,6 @@ pub(crate) const POSE_TABLE: Kind = Kind {
     ..Kind::new("trajectory-csv", "trajectory (table)")
 };
 
-pub(crate) const TUM: Kind = Kind {
-    numbers: Some(|line| line.len() == 8),
-    extensions: &["tum"],
-    poses: Some(read_tum),
-    frame: Frame::Fixed(
-        "metres, seconds (the format); axes of the file, taken for the world; body as in the file",
-    ),
-    ..Kind::new("tum", "trajectory (TUM)")
-};
-
 /// Column names of TUM, as programs write them in a comment.
 pub(crate) const TUM_COLUMNS: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
@@ -63,7 +52,7 @@ pub(crate) const TUM_COLUMNS: [&str; 8] = ["timestamp", "tx", "ty", "tz", "qx", 
 const QUATERNION_SLACK: f64 = 1e-3;
 
 /// The rotation of a quaternion, or its length if that is not 1. A quaternion of unit length is kept bit by bit.
-fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
+pub(super) fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64> {
     let q = nalgebra::Quaternion::new(w, x, y, z);
     let length = q.norm();
     if (length - 1.0).abs() < 1e-14 {
@@ -75,19 +64,11 @@ fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Rotation, f64
     }
 }
 
-const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
+pub(super) const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
 
 /// Reads a native table.
 pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
-    let mut last = f64::NEG_INFINITY;
     read_rows::<23, _>(input, &TRAJECTORY, "pose", |row, table: &Table| {
-        if row[0] <= last {
-            return Err(table.error(
-                format!("time {} s after {last} s", row[0]),
-                "times that increase",
-            ));
-        }
-        last = row[0];
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
         let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
@@ -109,22 +90,6 @@ pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
     })
 }
 
-/// Reads `time x y z qx qy qz qw`.
-pub(crate) fn read_tum(input: &Input) -> Result<Vec<PoseRecord>> {
-    read_lines::<8>(input, |row, lines| {
-        let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
-            lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
-        })?;
-        Ok(PoseRecord {
-            time_s: row[0],
-            world_from_body: WorldFromBody::new(r, Vec3::new(row[1], row[2], row[3])),
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        })
-    })
-}
-
 /// Reads lines of `N` numbers with `#` comments; the first number is the time.
 pub(crate) fn read_lines<const N: usize>(
     input: &Input,
@@ -136,16 +101,7 @@ pub(crate) fn read_lines<const N: usize>(
     let expected = || format!("{N} finite numbers");
     while lines.next_numbers(&mut cells, |n| n == N, expected)? {
         row.copy_from_slice(&cells);
-        if let Some(last) = records.last().filter(|last| row[0] <= last.time_s) {
-            return Err(lines.error(
-                format!("time {} s after {} s", row[0], last.time_s),
-                "times that increase",
-            ));
-        }
         records.push(record(&row, &lines)?);
-    }
-    if records.is_empty() {
-        return Err(nothing_in(input.path(), "pose"));
     }
     Ok(records)
 }

@@ -85,17 +85,24 @@ impl Directory {
             if kind == Kind::Chunk {
                 let start = walk.unpack(&mut block)?;
                 let mut rest = Cursor(&block[start..]);
-                while let Some(raw) = walk.split(&mut rest)? {
-                    if wanted.contains(&raw.kind) {
-                        directory.note(walk.parse(raw)?, &walk)?;
+                while let Some(raw) = walk.split(&mut rest) {
+                    let record = wanted.contains(&raw.kind).then(|| walk.parse(raw));
+                    if let Some(record) = record.flatten() {
+                        directory.note(record, &walk)?;
                     }
                 }
             } else if wanted.contains(&kind) {
-                let record = walk.record().ok_or_else(|| walk.unreadable(kind))?;
-                directory.note(record, &walk)?;
+                match walk.record() {
+                    Some(record) => directory.note(record, &walk)?,
+                    None => walk.pass_over(walk.unreadable(kind)),
+                }
             }
         }
-        Ok(directory)
+        let is_empty = directory.channels.is_empty();
+        match walk.take_damage().filter(|_| is_empty) {
+            Some(damage) => Err(damage),
+            None => Ok(directory),
+        }
     }
 
     /// Adds the content of a record of `walk`.
@@ -169,6 +176,8 @@ pub(super) struct Messages {
     message: Range<usize>,
     /// Messages so far.
     count: u64,
+    /// When the current message was recorded, nanoseconds.
+    recorded_ns: u64,
 }
 
 impl Messages {
@@ -181,28 +190,37 @@ impl Messages {
             at: 0,
             message: 0..0,
             count: 0,
+            recorded_ns: 0,
         })
     }
 
     /// Goes to the next message; false at the end.
     pub(super) fn advance(&mut self) -> Result<bool> {
         loop {
-            if self.advance_in_chunk()? {
+            if self.advance_in_chunk() {
                 break;
             }
             match self.walk.step(&[Kind::Chunk, Kind::Message])? {
-                None | Some(Kind::End) => return Ok(false),
+                None | Some(Kind::End) => {
+                    self.walk.remark();
+                    return Ok(false);
+                }
                 Some(Kind::Chunk) => self.at = self.walk.unpack(&mut self.block)?,
                 Some(Kind::Message) => match self.walk.record() {
-                    Some(Record::Message { channel, data, .. }) if self.has(channel) => {
+                    Some(Record::Message {
+                        channel,
+                        recorded_ns,
+                        data,
+                    }) if self.has(channel) => {
                         let size = data.len();
+                        self.recorded_ns = recorded_ns;
                         self.walk.swap_data(&mut self.block);
                         self.at = self.block.len();
                         self.message = self.at - size..self.at;
                         break;
                     }
                     Some(_) => {}
-                    None => return Err(self.walk.unreadable(Kind::Message)),
+                    None => self.walk.pass_over(self.walk.unreadable(Kind::Message)),
                 },
                 Some(_) => {}
             }
@@ -212,16 +230,21 @@ impl Messages {
     }
 
     /// Goes to the next message of the current chunk; false at its end.
-    fn advance_in_chunk(&mut self) -> Result<bool> {
+    fn advance_in_chunk(&mut self) -> bool {
         let mut rest = Cursor(&self.block[self.at..]);
         let mut size = None;
-        while let Some(raw) = self.walk.split(&mut rest)? {
+        while let Some(raw) = self.walk.split(&mut rest) {
             if raw.kind != Kind::Message {
                 continue;
             }
-            if let Record::Message { channel, data, .. } = self.walk.parse(raw)?
-                && self.has(channel)
+            if let Some(Record::Message {
+                channel,
+                recorded_ns,
+                data,
+            }) = self.walk.parse(raw)
+                && self.topic.channels.binary_search(&channel).is_ok()
             {
+                self.recorded_ns = recorded_ns;
                 size = Some(data.len());
                 break;
             }
@@ -229,11 +252,11 @@ impl Messages {
         self.at = self.block.len() - rest.0.len();
         let Some(size) = size else {
             self.at = self.block.len();
-            return Ok(false);
+            return false;
         };
         // A message ends at the end of its record.
         self.message = self.at - size..self.at;
-        Ok(true)
+        true
     }
 
     /// Whether a channel belongs to the topic.
@@ -246,14 +269,17 @@ impl Messages {
         &self.block[self.message.clone()]
     }
 
+    /// When the current message was recorded, seconds.
+    pub(super) fn recorded_s(&self) -> f64 {
+        self.recorded_ns as f64 * 1e-9
+    }
+
     /// Decodes the current message and converts it.
     pub(super) fn read<'a, M: Message<'a>, T>(
         &'a self,
         convert: impl FnOnce(M) -> Decoded<T>,
-    ) -> Result<T> {
-        decode(&self.topic.encoding, self.bytes())
-            .and_then(convert)
-            .map_err(|fault| self.error(fault))
+    ) -> Decoded<T> {
+        decode(&self.topic.encoding, self.bytes()).and_then(convert)
     }
 
     /// A format error at the record of the current message, or at its chunk.
@@ -261,6 +287,11 @@ impl Messages {
         let place = format!("message {} of {}", self.count, self.topic.name);
         self.walk
             .error(format!("{} in {place}", fault.found), fault.expected)
+    }
+
+    /// The error of the first damaged place of the file, if there is one.
+    pub(super) fn take_damage(&mut self) -> Option<Error> {
+        self.walk.take_damage()
     }
 
     /// The topic.
@@ -271,6 +302,39 @@ impl Messages {
     /// The file.
     pub(super) fn walk(&self) -> &Walk {
         &self.walk
+    }
+}
+
+/// Messages of a topic that cannot be used.
+#[derive(Default)]
+pub(super) struct LeftOut {
+    count: u64,
+    first: Option<Error>,
+}
+
+impl LeftOut {
+    /// Adds a message with the error that says why.
+    pub(super) fn add(&mut self, error: Error) {
+        self.count += 1;
+        self.first.get_or_insert(error);
+    }
+
+    /// Remarks on these messages.
+    ///
+    /// # Errors
+    /// There are more of them than the messages that were `kept`: the first one.
+    pub(super) fn finish(&mut self, messages: &Messages, kept: u64) -> Result<()> {
+        let Some(first) = self.first.take() else {
+            return Ok(());
+        };
+        if self.count > kept {
+            return Err(first);
+        }
+        messages.walk.input().remark(format!(
+            "{} of {} messages of {} left out, the first: {first}",
+            self.count, messages.count, messages.topic.name
+        ));
+        Ok(())
     }
 }
 

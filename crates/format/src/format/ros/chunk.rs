@@ -9,29 +9,44 @@ use crate::format::file;
 
 impl Walk {
     /// Unpacks the last record, a chunk whose data were read, into `into`. Returns the start of its records
-    /// in `into`.
+    /// in `into`; a damaged chunk is passed over.
+    ///
+    /// # Errors
+    /// More bytes than the file may unpack to, a compression that is not known.
     pub(super) fn unpack(&mut self, into: &mut Vec<u8>) -> Result<usize> {
+        match self.unpack_whole(into)? {
+            Ok(start) => Ok(start),
+            Err(damage) => {
+                into.clear();
+                self.pass_over(damage);
+                Ok(0)
+            }
+        }
+    }
+
+    /// Like [`unpack`](Self::unpack); the inner error is that of a damaged chunk.
+    pub(super) fn unpack_whole(&mut self, into: &mut Vec<u8>) -> Result<Result<usize>> {
         let head = match self.container {
             Container::Mcap => mcap::chunk_head(&self.data),
             Container::Rosbag => rosbag::chunk_head(&self.head),
         };
         let Some(head) = head else {
             into.clear();
-            return if self.is_cut {
+            return Ok(if self.is_cut {
                 Ok(0)
             } else {
                 Err(self.error(
                     "a chunk without a valid head",
                     "a head with size and compression",
                 ))
-            };
+            });
         };
         let (size, crc, start) = (head.size, head.crc, head.start);
         if matches!(head.compression, b"" | b"none") {
             std::mem::swap(into, &mut self.data);
             let actual = (into.len() - start) as u64;
-            self.check(size, actual, crc, &into[start..], None)?;
-            return Ok(start);
+            let checked = self.check(size, actual, crc, &into[start..], None);
+            return Ok(checked.map(|()| start));
         }
         let limit = self.largest_allocation();
         if size > limit && !self.is_cut {
@@ -67,8 +82,8 @@ impl Walk {
         *into = unpacked.bytes;
         // `unpack` returned at most `left` bytes, so this does not exceed the limit.
         self.unpacked += into.len() as u64;
-        self.check(size, into.len() as u64, crc, into, unpacked.fault)?;
-        Ok(0)
+        let checked = self.check(size, into.len() as u64, crc, into, unpacked.fault);
+        Ok(checked.map(|()| 0))
     }
 
     /// Checks size and checksum of an unpacked chunk against its head, unless the chunk is cut off.
@@ -104,21 +119,20 @@ impl Walk {
         Ok(())
     }
 
-    /// Takes the next record from an unpacked chunk; `None` at its end.
-    pub(super) fn split<'a>(&self, bytes: &mut Cursor<'a>) -> Result<Option<Raw<'a>>> {
+    /// Takes the next record from an unpacked chunk; `None` at its end, and where it is damaged.
+    pub(super) fn split<'a>(&mut self, bytes: &mut Cursor<'a>) -> Option<Raw<'a>> {
         if bytes.0.is_empty() {
-            return Ok(None);
+            return None;
         }
-        match self.container.split(bytes) {
-            Some(raw) => Ok(Some(raw)),
-            None if self.is_cut => Ok(None),
-            None => Err(self.error(
-                format!(
-                    "{} bytes at the end of a chunk that are not a record",
-                    bytes.0.len()
-                ),
-                "a record",
-            )),
+        let record = self.container.split(bytes);
+        if record.is_none() && !self.is_cut {
+            let found = format!(
+                "{} bytes at the end of a chunk that are not a record",
+                bytes.0.len()
+            );
+            let error = self.error(found, "a record");
+            self.pass_over(error);
         }
+        record
     }
 }

@@ -2,24 +2,42 @@
 //!
 //! The type of the time field determines the time of a point of a cloud:
 //! - integers of 32 bits are nanoseconds since the stamp of the header (Ouster `t`, Livox
-//!   `offset_time`);
+//!   `offset_time`, Aeva `time_offset_ns`), those of 2³¹ and more before it;
 //! - floating-point numbers of 32 bits are seconds since the stamp (Velodyne `time`), negative if the
 //!   stamp is that of the end of the cloud;
 //! - floating-point numbers of 64 bits are seconds since the stamp if none exceeds 10, otherwise
 //!   absolute times in the power of 1000 of a second that brings them nearest to the stamp (seconds:
-//!   Hesai and RoboSense `timestamp`; nanoseconds: Livox `timestamp`).
+//!   Hesai and RoboSense `timestamp`; nanoseconds: Livox `timestamp`);
+//! - `utc_time` is in whole seconds, with the milliseconds `ms_time` (O-Net).
 //!
-//! Without such a field every point has the time of the header. Points that are not finite, or zero
-//! in all coordinates, were not measured.
+//! Without such a field every point has the time of the header, but a field whose name tells of a time must be known or
+//! named in the project. Points that are not finite, or zero in all coordinates, were not measured.
 
 use super::messages::{LaserScan, PointCloud2};
+use super::timed::TimedPoints;
 use super::wire::{Decoded, Fault};
 use crate::format::binary::Number;
+use crate::format::input::PointTimes;
 use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
 /// The names of time fields; an earlier name is preferred.
-const TIME_NAMES: [&str; 5] = ["t", "time", "timestamp", "time_stamp", "offset_time"];
+const TIME_NAMES: [&str; 10] = [
+    "t",
+    "time",
+    "timestamp",
+    "time_stamp",
+    "offset_time",
+    "time_offset",
+    "time_offset_ns",
+    "offset_ns",
+    "point_time_offset",
+    "t_offset",
+];
+/// A time in whole seconds, and its milliseconds.
+const SECONDS_NAMES: [&str; 2] = ["utc_time", "ms_time"];
+/// Parts of the names of other fields that tell of a time.
+const TIME_WORDS: [&str; 5] = ["time", "stamp", "nsec", "usec", "msec"];
 /// The names of intensity fields; an earlier name is preferred.
 const INTENSITY_NAMES: [&str; 2] = ["intensity", "reflectivity"];
 /// More seconds than the points of any cloud span.
@@ -60,42 +78,42 @@ impl<'a> PointCloud2<'a> {
     /// The first of the fields called `names` that the points have.
     fn field(&self, names: &[&'static str]) -> Decoded<Option<PointField<'static>>> {
         for name in names.iter().copied() {
-            let Some(field) = self.fields.iter().find(|f| f.name == name.as_bytes()) else {
-                continue;
-            };
-            let number = number(field.datatype).ok_or_else(|| {
-                let found = format!("the field {name} of type {}", field.datatype);
-                Fault::new(found, "a type from 1 (INT8) to 8 (FLOAT64)")
-            })?;
-            let offset = field.offset as usize;
-            let step = self.point_step as usize;
-            if offset.saturating_add(number.size()) > step {
-                return Err(Fault::new(
-                    format!("the field {name} at byte {offset} of a point of {step} bytes"),
-                    "fields within the point",
-                ));
+            let named = self.fields.iter().position(|f| f.name == name.as_bytes());
+            if let Some(index) = named {
+                return self.layout(name, index).map(Some);
             }
-            return Ok(Some(PointField {
-                name,
-                offset,
-                number,
-                big_endian: self.is_big_endian,
-            }));
         }
         Ok(None)
+    }
+
+    /// Where a point has the field with this index, called `name`.
+    fn layout(&self, name: &'static str, index: usize) -> Decoded<PointField<'static>> {
+        let field = &self.fields[index];
+        let number = number(field.datatype).ok_or_else(|| {
+            let found = format!("the field {name} of type {}", field.datatype);
+            Fault::new(found, "a type from 1 (INT8) to 8 (FLOAT64)")
+        })?;
+        let offset = field.offset as usize;
+        let step = self.point_step as usize;
+        if offset.saturating_add(number.size()) > step {
+            return Err(Fault::new(
+                format!("the field {name} at byte {offset} of a point of {step} bytes"),
+                "fields within the point",
+            ));
+        }
+        Ok(PointField {
+            name,
+            offset,
+            number,
+            big_endian: self.is_big_endian,
+        })
     }
 
     /// Like [`field`](Self::field), for a coordinate, which must exist.
     fn axis(&self, name: &'static str) -> Decoded<PointField<'static>> {
         self.field(&[name])?.ok_or_else(|| {
-            let names: Vec<_> = self
-                .fields
-                .iter()
-                .take(20)
-                .map(|f| String::from_utf8_lossy(&f.name[..f.name.len().min(40)]))
-                .collect();
             Fault::new(
-                format!("points with the fields {}", names.join(", ")),
+                format!("points with the fields {}", self.names()),
                 "x, y, z",
             )
         })
@@ -134,17 +152,75 @@ impl<'a> PointCloud2<'a> {
         }
     }
 
+    /// The field with the times: that which the user names, or one with a known name.
+    fn time_field(&self, how: &PointTimes) -> Decoded<Option<PointField<'static>>> {
+        let Some(wanted) = &how.field else {
+            return self.field(&TIME_NAMES);
+        };
+        let named = self
+            .fields
+            .iter()
+            .position(|field| field.name == wanted.as_bytes());
+        let Some(index) = named else {
+            return Err(Fault::asked(
+                format!("points without the field {wanted}"),
+                format!("`point_time_field` of the scanner: one of {}", self.names()),
+            ));
+        };
+        self.layout("named for the time", index).map(Some)
+    }
+
+    /// The names of all fields, the first 20 of them.
+    fn names(&self) -> String {
+        let names = self.fields.iter().take(20);
+        let names = names.map(|f| String::from_utf8_lossy(&f.name[..f.name.len().min(40)]));
+        names.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Asks for the meaning of a field whose name tells of a time.
+    fn ask_for_time(&self) -> Decoded<()> {
+        let tells = |field: &&super::messages::Field<'_>| {
+            let name = String::from_utf8_lossy(field.name).to_lowercase();
+            TIME_WORDS.iter().any(|word| name.contains(word))
+        };
+        match self.fields.iter().find(tells) {
+            None => Ok(()),
+            Some(field) => {
+                let name = String::from_utf8_lossy(&field.name[..field.name.len().min(40)]);
+                Err(Fault::asked(
+                    format!("points with the field {name}, whose meaning is not known"),
+                    "`point_time_field` and `point_time_unit` of the scanner in the project, if it is the time of the \
+                     point, or `point_time_field = \"\"` if points have no times",
+                ))
+            }
+        }
+    }
+
     /// The points in time order, at most `most`.
-    pub(super) fn points(&self, most: usize) -> Decoded<Vec<ScanPoint>> {
+    pub(super) fn points(&self, most: usize, how: &PointTimes) -> Decoded<TimedPoints> {
         let count = (self.width as usize).saturating_mul(self.height as usize);
         let records = self.records()?;
         too_many(count, most)?;
         if count == 0 {
-            return Ok(Vec::new());
+            return Ok(TimedPoints::of(Vec::new()));
         }
         let axes = [self.axis("x")?, self.axis("y")?, self.axis("z")?];
         let intensity = self.field(&INTENSITY_NAMES)?;
-        let time = self.field(&TIME_NAMES)?;
+        let is_timeless = how.field.as_deref() == Some("");
+        let in_seconds = SECONDS_NAMES.map(|name| self.field(&[name]));
+        let [seconds, milliseconds] = in_seconds;
+        let (seconds, milliseconds) = (seconds?, milliseconds?);
+        let time = match (is_timeless, seconds) {
+            (true, _) => None,
+            (false, Some(seconds)) if how.field.is_none() && milliseconds.is_some() => {
+                Some(seconds)
+            }
+            _ => self.time_field(how)?,
+        };
+        if time.is_none() && !is_timeless {
+            self.ask_for_time()?;
+        }
+        let fraction = milliseconds.filter(|_| time.is_some_and(|t| t.name == SECONDS_NAMES[0]));
         let mut points = Vec::with_capacity(count);
         for record in records {
             let [x, y, z] = axes.map(|axis| axis.value_in(record));
@@ -152,48 +228,77 @@ impl<'a> PointCloud2<'a> {
             if !crate::geometry::is_finite(&position_m) || position_m == Vec3::zeros() {
                 continue;
             }
+            let fraction_s = fraction.map_or(0.0, |field| 1e-3 * field.value_in(record));
             points.push(ScanPoint {
                 // In the unit of the file until all times are known.
-                time_s: time.map_or(0.0, |time| time.value_in(record)),
+                time_s: time.map_or(0.0, |time| time.value_in(record)) + fraction_s,
                 position_m,
                 intensity: intensity.map_or(0.0, |field| field.value_in(record) as f32),
             });
         }
-        self.convert_times(time, &mut points)?;
+        let (wrapped, is_in_ns) = match time {
+            Some(time) if fraction.is_none() => {
+                self.convert_times(time, how.unit_s, &mut points)?
+            }
+            Some(_) => (0, false),
+            None => {
+                points.iter_mut().for_each(|p| p.time_s = self.time_s);
+                (0, false)
+            }
+        };
         // Rows are often the rings of the scanner, which measure at the same time.
         points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        Ok(points)
+        let mut timed = TimedPoints::of(points);
+        timed.wrapped = wrapped;
+        timed.lasts_s = timed.lasts_s.filter(|_| is_in_ns);
+        timed.are_alike = !is_timeless && timed.has_one_time();
+        Ok(timed)
     }
 
-    /// Converts the times of the points from those of the file to seconds.
-    fn convert_times(&self, time: Option<PointField<'_>>, points: &mut [ScanPoint]) -> Decoded<()> {
-        let Some(time) = time else {
-            points.iter_mut().for_each(|p| p.time_s = self.time_s);
-            return Ok(());
-        };
+    /// Converts the times of the points from those of the file to seconds. Returns the number of times that lie before
+    /// the stamp as numbers without a sign, and whether the times are taken for nanoseconds.
+    fn convert_times(
+        &self,
+        time: PointField<'_>,
+        unit_s: Option<f64>,
+        points: &mut [ScanPoint],
+    ) -> Decoded<(usize, bool)> {
+        let mut wrapped = 0;
+        if matches!(time.number, Number::U32) {
+            const HALF: f64 = (1u64 << 31) as f64;
+            for point in points.iter_mut().filter(|point| point.time_s >= HALF) {
+                point.time_s -= 2.0 * HALF;
+                wrapped += 1;
+            }
+        }
         let highest = points.iter().map(|p| p.time_s.abs());
         // `f64::max` would skip NaN.
         let highest = highest.fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
-        let unit = match time.number {
-            Number::I32 | Number::U32 => Some((self.time_s, 1e-9)),
-            Number::F32 | Number::F64 if highest <= LONGEST_CLOUD_S => Some((self.time_s, 1.0)),
-            Number::F64 => unit_of_absolute(highest, self.time_s).map(|unit| (0.0, unit)),
+        let unit = match (unit_s, time.number) {
+            (Some(unit_s), _) if highest * unit_s <= LONGEST_CLOUD_S => Some((self.time_s, unit_s)),
+            (Some(unit_s), _) => Some((0.0, unit_s)),
+            (None, Number::I32 | Number::U32) => Some((self.time_s, 1e-9)),
+            (None, Number::F32 | Number::F64) if highest <= LONGEST_CLOUD_S => {
+                Some((self.time_s, 1.0))
+            }
+            (None, Number::F64) => unit_of_absolute(highest, self.time_s).map(|unit| (0.0, unit)),
             _ => None,
         };
         let Some((zero_s, unit_s)) = unit else {
-            return Err(Fault::new(
+            return Err(Fault::asked(
                 format!(
                     "the field {} ({:?}) with the value {highest}",
                     time.name, time.number
                 ),
                 "nanoseconds since the stamp as 32-bit integers, seconds since the stamp below \
-                 10 s, or absolute times as FLOAT64",
+                 10 s, or absolute times as FLOAT64; or `point_time_unit` of the scanner in the project",
             ));
         };
         for point in points {
             point.time_s = zero_s + point.time_s * unit_s;
         }
-        Ok(())
+        let is_in_ns = matches!(time.number, Number::I32 | Number::U32);
+        Ok((wrapped, is_in_ns))
     }
 }
 

@@ -166,18 +166,80 @@ fn an_open_recording_of_ros_1_is_read() {
 }
 
 #[test]
-fn damage_in_a_complete_bag_is_reported_with_its_byte() {
+fn damage_in_a_complete_bag_costs_its_chunk_and_is_reported_with_its_byte() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.mcap");
     let mut bytes = std::fs::read(sample("plain.mcap")).unwrap();
     // This byte is in the first chunk, whose checksum is then wrong.
     bytes[2000] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
-    let text = read_imu(&Input::from(&path), None).unwrap_err().to_string();
+    let input = Input::from(&path);
+    let all = read_imu(&Input::from(&sample("plain.mcap")), None).unwrap();
+    let found = read_imu(&input, None);
+    let text = match &found {
+        Ok(found) => {
+            assert!(found.len() < all.len() && found.iter().all(|sample| all.contains(sample)));
+            input.remarks().join("\n")
+        }
+        Err(error) => error.to_string(),
+    };
     assert!(
         text.contains("checksum") && text.contains(", byte "),
         "{text}"
     );
+}
+
+#[test]
+fn a_copy_holds_all_that_can_be_read_and_is_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let [damaged, copy] = ["damaged", "copy"].map(|name| dir.path().join(name));
+    for name in SAMPLES {
+        let whole = sample(name);
+        let all = read_imu(&Input::from(&whole), None).unwrap();
+        let copied = copy_whole_records(&Input::from(&whole), &copy).unwrap();
+        assert!(copied.messages >= 12, "{name}");
+        let input = Input::from(&copy);
+        assert_eq!(read_imu(&input, None).unwrap(), all, "{name}");
+        assert_eq!(input.remarks(), [""; 0], "{name}");
+        // Cut off in the middle: the copy ends before that, and does not say that it is cut off.
+        let bytes = std::fs::read(&whole).unwrap();
+        std::fs::write(&damaged, &bytes[..bytes.len() / 2]).unwrap();
+        let copied = copy_whole_records(&Input::from(&damaged), &copy).unwrap();
+        assert!(!copied.left_out.is_empty(), "{name}");
+        let input = Input::from(&copy);
+        let found = read_imu(&input, None).unwrap_or_default();
+        assert_eq!(found, all[..found.len()], "{name}");
+        if name.ends_with("mcap") {
+            assert_eq!(input.remarks(), [""; 0], "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_length_of_a_chunk_costs_the_bytes_up_to_the_next_chunk() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.mcap");
+    let mut bytes = std::fs::read(sample("no_summary.mcap")).unwrap();
+    let mut at = mcap::MAGIC.len();
+    let mut chunks = Vec::new();
+    while let Some(prefix) = bytes.get(at..at + mcap::PREFIX) {
+        let length = u64::from_le_bytes(prefix[1..].try_into().unwrap());
+        chunks.extend((prefix[0] == 6).then_some(at));
+        at += mcap::PREFIX + length as usize;
+    }
+    assert!(chunks.len() > 2, "{}", chunks.len());
+    bytes[chunks[1] + 8] = 0x7f;
+    std::fs::write(&path, bytes).unwrap();
+    let input = Input::from(&path);
+    let all = read_imu(&Input::from(&sample("no_summary.mcap")), None).unwrap();
+    let found = read_imu(&input, None).unwrap();
+    assert!(
+        found.len() < all.len() && found.last() == all.last(),
+        "{}",
+        found.len()
+    );
+    let remarks = input.remarks().join("\n");
+    assert!(remarks.contains("bytes left in the file"), "{remarks}");
 }
 
 #[test]

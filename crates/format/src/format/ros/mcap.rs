@@ -8,6 +8,17 @@ pub(super) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Bytes before the content of a record.
 pub(super) const PREFIX: usize = 9;
 
+/// The records that end a file without a summary, and the last bytes of the file.
+pub(super) fn end() -> Vec<u8> {
+    const DATA_END: u8 = 15;
+    const FOOTER: u8 = 2;
+    let record = |kind: u8, length: u64| {
+        let zeros = vec![0; length as usize];
+        [&[kind], length.to_le_bytes().as_slice(), &zeros].concat()
+    };
+    [&record(DATA_END, 4), &record(FOOTER, 20), MAGIC].concat()
+}
+
 /// The kind of a record and the length of its content, from its first [`PREFIX`] bytes.
 pub(super) fn prefix(mut bytes: Cursor<'_>) -> Option<(Kind, u64)> {
     let kind = match bytes.take(1)? {

@@ -195,6 +195,8 @@ impl<'a> Message<'a> for NavSatFix {
             longitude_rad: longitude_deg.to_radians(),
             height_m: altitude_m,
             sigma_m,
+            // Many drivers write the status of an unaugmented fix for every solution.
+            quality: None,
         })))
     }
 }

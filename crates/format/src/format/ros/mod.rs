@@ -8,6 +8,7 @@ mod cdr;
 mod chunk;
 mod cloud;
 pub(crate) mod compression;
+mod damage;
 mod frames;
 mod mcap;
 mod messages;
@@ -15,6 +16,8 @@ mod points;
 mod records;
 mod ros1;
 mod rosbag;
+mod salvage;
+mod timed;
 mod walk;
 mod wire;
 
@@ -29,12 +32,14 @@ use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::sensor::{GeographicFix, ImuSample, PoseRecord};
-use bag::Messages;
 pub(crate) use bag::Topic;
+use bag::{LeftOut, Messages};
 use messages::{
     Imu, NavSatFix, ODOMETRY, Odometry, POSE, POSE_WITH_COVARIANCE, PoseStamped,
     PoseWithCovarianceStamped, TRANSFORM, TransformStamped,
 };
+pub(crate) use salvage::copy as copy_whole_records;
+use wire::Decoded;
 
 pub(crate) const BAG: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
@@ -55,7 +60,7 @@ pub(crate) const BAG: Kind = Kind {
 fn of_part<T>(input: &Input, read: fn(&Input, Option<&str>) -> Result<T>) -> Result<T> {
     let part = Part::of(input.path());
     match part.name {
-        Some(name) => read(&Input::from(&part.file), Some(&name)),
+        Some(name) => read(&input.of_file(&part.file), Some(&name)),
         None => read(input, None),
     }
 }
@@ -95,24 +100,18 @@ pub(crate) fn read_imu(input: &Input, topic: Option<&str>) -> Result<Vec<ImuSamp
 /// topic is read.
 ///
 /// # Errors
-/// Those of [`read_imu`]; times that do not increase; a quaternion whose length is not 1.
+/// Those of [`read_imu`].
 pub(crate) fn read_poses(input: &Input, topic: Option<&str>) -> Result<Vec<PoseRecord>> {
     let topic = choose(input, topic, &POSES, "poses")?;
     let message_type = topic.message_type.clone();
-    let mut last_s = f64::NEG_INFINITY;
     read_all(input, topic, "pose", |messages| {
-        let pose = match message_type.as_str() {
+        match message_type.as_str() {
             ODOMETRY => messages.read(|m: Odometry| m.0.pose()),
             POSE => messages.read(|m: PoseStamped| m.0.pose()),
             POSE_WITH_COVARIANCE => messages.read(|m: PoseWithCovarianceStamped| m.0.pose()),
             _ => messages.read(|m: TransformStamped| m.0.pose()),
-        }?;
-        if pose.time_s <= last_s {
-            let found = format!("time {} s after {last_s} s", pose.time_s);
-            return Err(messages.error(wire::Fault::new(found, "times that increase")));
         }
-        last_s = pose.time_s;
-        Ok(Some(pose))
+        .map(Some)
     })
 }
 
@@ -139,23 +138,76 @@ pub(crate) fn open_points(input: &Input, topic: Option<&str>) -> Result<Box<dyn 
     Ok(Box::new(points::BagPoints::open(input, topic)?))
 }
 
-/// Reads every message of a topic; `what` names one record.
+/// Reads every message of a topic; `what` names one record. Messages that are damaged or have impossible values are left
+/// out, which the input remarks.
 fn read_all<T>(
     input: &Input,
     topic: Topic,
     what: &str,
-    mut record: impl FnMut(&Messages) -> Result<Option<T>>,
+    mut record: impl FnMut(&Messages) -> Decoded<Option<T>>,
 ) -> Result<Vec<T>> {
-    let what = format!("{what} in {}", topic.name);
+    let name = topic.name.clone();
     let mut messages = Messages::open(input, topic)?;
-    let mut records = Vec::new();
+    let (mut records, mut left_out) = (Vec::new(), LeftOut::default());
+    let mut unmeasured = 0;
     while messages.advance()? {
-        records.extend(record(&messages)?);
+        match record(&messages) {
+            Ok(Some(measured)) => records.push(measured),
+            Ok(None) => unmeasured += 1,
+            Err(fault) => left_out.add(messages.error(fault)),
+        }
+    }
+    left_out.finish(&messages, records.len() as u64)?;
+    if unmeasured > 0 {
+        input.remark(format!(
+            "{unmeasured} messages of {name} without a fix left out"
+        ));
     }
     if records.is_empty() {
-        return Err(nothing_in(input.path(), &what));
+        let nothing = || nothing_in(input.path(), &format!("{what} in {name}"));
+        return Err(messages.take_damage().unwrap_or_else(nothing));
     }
     Ok(records)
+}
+
+/// What the messages of a topic hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Content {
+    /// Samples of an IMU.
+    Imu,
+    /// Geographic positions.
+    Fixes,
+    /// Poses.
+    Poses,
+    /// Points of a scanner.
+    Points,
+}
+
+/// The topics with messages that are read, or that called `wanted`, by their content.
+///
+/// # Errors
+/// Those of [`topics`].
+pub(crate) fn readable(input: &Input, wanted: Option<&str>) -> Result<Vec<(Content, String)>> {
+    let content = |topic: &Topic| {
+        let is_one = |types: &[&str]| types.contains(&topic.message_type.as_str());
+        [
+            (Content::Imu, is_one(&Imu::TYPES)),
+            (Content::Fixes, is_one(&NavSatFix::TYPES)),
+            (Content::Poses, is_one(&POSES)),
+            (Content::Points, is_one(&points::TYPES)),
+        ]
+        .into_iter()
+        .find_map(|(content, is_it)| is_it.then_some(content))
+    };
+    let bare = |name: &str| name.trim_start_matches('/').to_owned();
+    let topics = topics(input)?.into_iter().filter(|topic| {
+        topic.count > 0 && wanted.is_none_or(|name| bare(name) == bare(&topic.name))
+    });
+    let mut readable: Vec<(Content, String)> = topics
+        .filter_map(|topic| Some((content(&topic)?, topic.name)))
+        .collect();
+    readable.sort();
+    Ok(readable)
 }
 
 /// The topic called `wanted`, with or without the slash before its name, or the only topic of these

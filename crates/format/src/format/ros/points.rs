@@ -1,9 +1,12 @@
 //! The points of a topic as a scanner recording.
 
-use super::bag::{Messages, Topic};
+use std::collections::VecDeque;
+
+use super::bag::{LeftOut, Messages, Topic};
 use super::messages::{LaserScan, PointCloud2};
+use super::timed::TimedPoints;
 use super::wire::Fault;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
@@ -12,12 +15,40 @@ use crate::sensor::ScanPoint;
 /// The message types with points.
 pub(super) const TYPES: [&str; 2] = [PointCloud2::TYPE, LaserScan::TYPE];
 
+/// Number of clouds that are known ahead of the one whose points are returned.
+const AHEAD: usize = 3;
+/// A stamp that steps by so much more or less than the times of recording is wrong, seconds.
+const WRONG_STEP_S: f64 = 3600.0;
+/// Scanners measure for a tenth of the interval between their clouds or longer, up to half as long again where they
+/// overlap.
+const USUAL_SHARES: std::ops::Range<f64> = 0.1..1.5;
+
+/// A cloud or scan of the topic.
+struct Cloud {
+    /// By how much its stamp is later than the time of recording, seconds.
+    offset_s: f64,
+    timed: TimedPoints,
+    /// What is said of it if it is left out.
+    error: Error,
+}
+
 /// The points of one topic in time order.
 ///
-/// Neighbouring clouds may overlap in time: the points of a cloud are held back until the first time of
-/// the next cloud is known.
+/// Neighbouring clouds may overlap in time and be out of order: the points of a cloud are held back until some of the
+/// next clouds are known. Clouds with a wrong stamp, or before points that were returned, are left out.
 pub(super) struct BagPoints {
     messages: Messages,
+    /// Clouds that were read and not yet used.
+    ahead: VecDeque<Cloud>,
+    /// By how much the last stamp was later than the time of recording, seconds.
+    offset_s: Option<f64>,
+    /// The last stamp whose cloud had times that were taken for nanoseconds, and how long the cloud lasted, seconds.
+    lasted_s: Option<(f64, f64)>,
+    /// Whether the unit of the times of points was checked.
+    is_unit_checked: bool,
+    left_out: LeftOut,
+    /// Clouds that were used.
+    used: u64,
     /// Points held back, in time order after `returned`.
     waiting: Vec<ScanPoint>,
     /// Number of points at the start of `waiting` that have been returned.
@@ -26,6 +57,7 @@ pub(super) struct BagPoints {
     due: usize,
     /// Time of the last point returned, seconds.
     last_time_s: f64,
+    has_read_all: bool,
     is_at_end: bool,
     is_empty: bool,
 }
@@ -35,49 +67,152 @@ impl BagPoints {
     pub(super) fn open(input: &Input, topic: Topic) -> Result<Self> {
         Ok(Self {
             messages: Messages::open(input, topic)?,
+            ahead: VecDeque::new(),
+            offset_s: None,
+            lasted_s: None,
+            is_unit_checked: input.point_times().unit_s.is_some(),
+            left_out: LeftOut::default(),
+            used: 0,
             waiting: Vec::new(),
             returned: 0,
             due: 0,
             last_time_s: f64::NEG_INFINITY,
+            has_read_all: false,
             is_at_end: false,
             is_empty: true,
         })
     }
 
-    /// Reads the next cloud or scan and determines which points can be returned.
+    /// Reads clouds until enough of them are known ahead.
+    fn look_ahead(&mut self) -> Result<()> {
+        while self.ahead.len() <= AHEAD && !self.has_read_all {
+            if !self.messages.advance()? {
+                self.has_read_all = true;
+                break;
+            }
+            let held = self.waiting.len() + self.ahead.iter().map(Cloud::len).sum::<usize>();
+            let most_bytes = self.messages.walk().largest_allocation();
+            let most = usize::try_from(most_bytes).unwrap_or(usize::MAX) / size_of::<ScanPoint>();
+            let most = most.saturating_sub(held);
+            let messages = &self.messages;
+            let how = messages.walk().input().point_times();
+            let cloud = if messages.topic().message_type == LaserScan::TYPE {
+                messages
+                    .read(|scan: LaserScan| Ok((scan.time_s, TimedPoints::of(scan.points(most)?))))
+            } else {
+                messages.read(|cloud: PointCloud2<'_>| Ok((cloud.time_s, cloud.points(most, how)?)))
+            };
+            match cloud {
+                Ok((stamp_s, timed)) => {
+                    self.check_unit(stamp_s, &timed)?;
+                    self.remark(&timed);
+                    let fault = Fault::new(
+                        format!("the stamp {stamp_s} s, out of order"),
+                        "clouds in time order",
+                    );
+                    self.ahead.push_back(Cloud {
+                        offset_s: stamp_s - self.messages.recorded_s(),
+                        timed,
+                        error: self.messages.error(fault),
+                    });
+                }
+                Err(fault) if fault.is_asked => return Err(self.messages.error(fault)),
+                Err(fault) => self.left_out.add(self.messages.error(fault)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Remarks on what the times of a cloud leave open.
+    fn remark(&self, timed: &TimedPoints) {
+        let topic = &self.messages.topic().name;
+        let input = self.messages.walk().input();
+        if timed.are_alike {
+            input.remark(format!(
+                "the points of {topic} have no times of their own, or the same time: all points of a cloud have one time"
+            ));
+        }
+        if timed.wrapped > 0 {
+            input.remark(format!(
+                "{topic} has times of points that lie before the stamp of their cloud, written as large numbers: they \
+                 are taken for negative ones"
+            ));
+        }
+    }
+
+    /// Compares how long clouds last, if the unit of their times is taken for nanoseconds, with the time between them.
+    fn check_unit(&mut self, stamp_s: f64, timed: &TimedPoints) -> Result<()> {
+        if self.is_unit_checked {
+            return Ok(());
+        }
+        let Some(lasts_s) = timed.lasts_s.filter(|lasts_s| *lasts_s > 0.0) else {
+            return Ok(());
+        };
+        let Some((before_s, lasted_s)) = self.lasted_s.replace((stamp_s, lasts_s)) else {
+            return Ok(());
+        };
+        let between_s = stamp_s - before_s;
+        self.is_unit_checked = true;
+        if !USUAL_SHARES.contains(&(1e3 * lasted_s.min(lasts_s) / between_s)) {
+            return Ok(());
+        }
+        let found = format!(
+            "times of points that last {:.6} s in clouds {between_s:.3} s apart, taken for nanoseconds",
+            lasts_s
+        );
+        let expected = "the unit of the times of points, as they may be microseconds: `point_time_unit` of the scanner in the \
+                        project, \"us\" or \"ns\"";
+        Err(self.messages.error(Fault::asked(found, expected)))
+    }
+
+    /// Whether the stamp of the next cloud fits the one before, or that after it.
+    fn is_stamp_right(&self, offset_s: f64) -> bool {
+        let fits = |other_s: f64| (other_s - offset_s).abs() < WRONG_STEP_S;
+        let mut others = self.ahead.iter().map(|cloud| cloud.offset_s);
+        match self.offset_s {
+            Some(before_s) if fits(before_s) => true,
+            Some(_) => others.next().is_some_and(fits),
+            None => self.ahead.is_empty() || others.any(fits),
+        }
+    }
+
+    /// Takes the next cloud and determines which points can be returned.
     fn next_cloud(&mut self) -> Result<()> {
         self.waiting.drain(..self.returned);
         self.returned = 0;
-        if !self.messages.advance()? {
+        self.look_ahead()?;
+        let Some(cloud) = self.ahead.pop_front() else {
             self.is_at_end = true;
             self.due = self.waiting.len();
-            return Ok(());
-        }
-        let most_bytes = self.messages.walk().largest_allocation();
-        let most = usize::try_from(most_bytes).unwrap_or(usize::MAX) / size_of::<ScanPoint>();
-        let most = most - self.waiting.len().min(most);
-        let messages = &self.messages;
-        let cloud = if messages.topic().message_type == LaserScan::TYPE {
-            messages.read(|scan: LaserScan| scan.points(most))
-        } else {
-            messages.read(|cloud: PointCloud2<'_>| cloud.points(most))
-        }?;
-        let Some(first) = cloud.first() else {
-            self.due = 0;
-            return Ok(());
+            return self.left_out.finish(&self.messages, self.used);
         };
-        let first_s = first.time_s;
-        if first_s < self.last_time_s {
-            return Err(self.messages.error(Fault::new(
-                format!("time {first_s} s after {} s", self.last_time_s),
-                "clouds in time order",
-            )));
+        let first_s = cloud.timed.points.first().map(|point| point.time_s);
+        let is_in_order = first_s.is_none_or(|first_s| first_s >= self.last_time_s);
+        if is_in_order && self.is_stamp_right(cloud.offset_s) {
+            self.offset_s = Some(cloud.offset_s);
+            self.used += 1;
+            self.waiting.extend(cloud.timed.points);
+            self.waiting.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        } else {
+            self.left_out.add(cloud.error);
         }
-        self.due = self.waiting.partition_point(|p| p.time_s <= first_s);
-        self.waiting.reserve_exact(cloud.len());
-        self.waiting.extend(cloud);
-        self.waiting[self.due..].sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        let next = self
+            .ahead
+            .iter()
+            .filter_map(|cloud| cloud.timed.points.first());
+        let next_s = next.map(|point| point.time_s).reduce(f64::min);
+        self.due = match next_s {
+            Some(next_s) => self.waiting.partition_point(|p| p.time_s <= next_s),
+            None if self.has_read_all => self.waiting.len(),
+            None => 0,
+        };
         Ok(())
+    }
+}
+
+impl Cloud {
+    fn len(&self) -> usize {
+        self.timed.points.len()
     }
 }
 
@@ -99,7 +234,8 @@ impl ProfileReader for BagPoints {
         self.is_empty &= into.is_empty();
         if self.is_empty {
             let what = format!("valid point in {}", self.messages.topic().name);
-            return Err(nothing_in(self.messages.walk().path(), &what));
+            let damage = self.messages.take_damage();
+            return Err(damage.unwrap_or_else(|| nothing_in(self.messages.walk().path(), &what)));
         }
         Ok(!into.is_empty())
     }
@@ -178,11 +314,15 @@ mod tests {
     #[test]
     fn clouds_without_order_or_points_are_errors() {
         let text = |clouds| read(clouds).unwrap_err().to_string();
-        let found = text(&[(10, &[0.0]), (12, &[0.0]), (11, &[0.0]), (9, &[0.0])]);
-        assert!(
-            found.contains("time 9 s after 10 s in message 4 of /a"),
-            "{found}"
-        );
+        let found = read(&[(10, &[0.0]), (12, &[0.0]), (11, &[0.0]), (9, &[0.0])]);
+        assert_eq!(found.unwrap(), [9.0, 10.0, 11.0, 12.0]);
+        // One that comes later than that is left out.
+        let late: Vec<(u32, &[f32])> = [20, 21, 22, 23, 24, 25, 26, 5, 27]
+            .map(|stamp_s| (stamp_s, &[0.0][..]))
+            .into();
+        let found = read(&late).unwrap();
+        let expected = [20.0, 21.0, 22.0, 23.0, 24.0, 25.0, 26.0, 27.0];
+        assert_eq!(found, expected);
         let found = text(&[(10, &[])]);
         assert!(found.contains("no valid point in /a"), "{found}");
         let found = text(&[(10, &[0.0, 99.0])]);

@@ -66,6 +66,17 @@ pub(super) fn index_start(header: &[u8]) -> Option<u64> {
     Cursor(field(header, b"index_pos")?).u64()
 }
 
+/// The header of the first record of a bag, with 0 for the position of the index: the bag is then read without one.
+/// `None` for another record.
+pub(super) fn without_index(header: &[u8]) -> Option<Vec<u8>> {
+    index_start(header)?;
+    const KEY: &[u8] = b"index_pos=";
+    let at = header.windows(KEY.len()).position(|bytes| bytes == KEY)? + KEY.len();
+    let mut header = header.to_vec();
+    header.get_mut(at..at + 8)?.fill(0);
+    Some(header)
+}
+
 /// The content of a channel, message or index.
 pub(super) fn parse(raw: Raw<'_>) -> Option<Record<'_>> {
     let Raw { kind, head, data } = raw;

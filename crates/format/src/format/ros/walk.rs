@@ -1,7 +1,7 @@
 //! The records of a bag, one after another from the start of the file.
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::records::{Cursor, Kind, Raw, Record};
 use super::{mcap, rosbag};
@@ -45,12 +45,14 @@ impl Container {
 
 /// A bag being read.
 pub(super) struct Walk {
-    path: PathBuf,
+    input: Input,
     reader: BufReader<Stream>,
     /// Its kind.
     pub(super) container: Container,
     /// Start of the record of the last step, bytes.
     pub(super) start: u64,
+    /// Start of the first record, bytes.
+    first: u64,
     /// Start of the next record, bytes.
     at: u64,
     /// End of the last record of the file, bytes.
@@ -64,6 +66,8 @@ pub(super) struct Walk {
     pub(super) unpacked: u64,
     /// Whether the file ended in the middle of the last record.
     pub(super) is_cut: bool,
+    /// Damaged places that were passed over: their number, and the first.
+    pub(super) damage: (u64, Option<Error>),
     kind: Kind,
     pub(super) head: Vec<u8>,
     /// The data of the last record, if its kind was wanted.
@@ -89,16 +93,18 @@ impl Walk {
             ));
         };
         let mut walk = Self {
-            path: input.path().to_owned(),
+            input: input.clone(),
             reader: BufReader::with_capacity(1 << 18, file),
             container,
             start: 0,
+            first: 0,
             at: 0,
             end: total,
             total,
             may_be_cut_from: 0,
             unpacked: 0,
             is_cut: false,
+            damage: (0, None),
             kind: Kind::Other,
             head: Vec::new(),
             data: Vec::new(),
@@ -107,6 +113,7 @@ impl Walk {
             Container::Mcap => walk.find_end_of_mcap()?,
             Container::Rosbag => walk.find_index_of_rosbag()?,
         }
+        walk.first = walk.at;
         Ok(walk)
     }
 
@@ -140,12 +147,12 @@ impl Walk {
     }
 
     /// Continues at byte `at`.
-    fn seek(&mut self, at: u64) -> Result<()> {
+    pub(super) fn seek(&mut self, at: u64) -> Result<()> {
         let sought = match i64::try_from(i128::from(at) - i128::from(self.at)) {
             Ok(by) => self.reader.seek_relative(by),
             Err(_) => self.reader.seek(SeekFrom::Start(at)).map(|_| ()),
         };
-        sought.map_err(|e| Error::io(&self.path, e))?;
+        sought.map_err(|e| Error::io(self.input.path(), e))?;
         self.at = at;
         Ok(())
     }
@@ -154,7 +161,7 @@ impl Walk {
     fn fill(&mut self, into: &mut [u8]) -> Result<()> {
         self.reader
             .read_exact(into)
-            .map_err(|e| Error::io(&self.path, e))?;
+            .map_err(|e| Error::io(self.input.path(), e))?;
         self.at += into.len() as u64;
         Ok(())
     }
@@ -216,7 +223,8 @@ impl Walk {
                 self.is_cut = true;
                 return Ok(None);
             }
-            return Err(self.error("bytes that are not a record", "a record"));
+            let error = self.error("bytes that are not a record", "a record");
+            return self.stop(error, wanted);
         };
         let left = self.left();
         // The recorder of ROS 1 writes the length of a chunk only when the chunk is complete.
@@ -225,10 +233,11 @@ impl Walk {
         }
         if length > left {
             if !may_be_cut {
-                return Err(self.error(
+                let error = self.error(
                     format!("only {left} bytes left in the file"),
                     format!("{length} bytes of a record"),
-                ));
+                );
+                return self.stop(error, wanted);
             }
             self.is_cut = true;
             if kind != Kind::Chunk {
@@ -270,11 +279,44 @@ impl Walk {
         std::mem::swap(&mut self.data, into);
     }
 
-    /// The content of a record from a chunk.
-    pub(super) fn parse<'a>(&self, raw: Raw<'a>) -> Result<Record<'a>> {
-        self.container
-            .parse(raw)
-            .ok_or_else(|| self.unreadable(raw.kind))
+    /// The content of a record from a chunk; `None`, and a damaged place, if it cannot be read.
+    pub(super) fn parse<'a>(&mut self, raw: Raw<'a>) -> Option<Record<'a>> {
+        let record = self.container.parse(raw);
+        if record.is_none() {
+            let error = self.unreadable(raw.kind);
+            self.pass_over(error);
+        }
+        record
+    }
+
+    /// Goes on after a damaged record at the next chunk of an MCAP file, or ends there.
+    ///
+    /// # Errors
+    /// Nothing was read before, and nothing can be read after it.
+    fn stop(&mut self, error: Error, wanted: &[Kind]) -> Result<Option<Kind>> {
+        let is_first = self.start <= self.first;
+        let has_more = self.container == Container::Mcap && self.find_chunk(self.start + 1)?;
+        if is_first && !has_more {
+            return Err(error);
+        }
+        self.pass_over(error);
+        if has_more {
+            return self.step(wanted);
+        }
+        self.end = self.start;
+        self.seek(self.start)?;
+        Ok(None)
+    }
+
+    /// Fills `into` from byte `at`; the file must have as many bytes.
+    pub(super) fn read_at(&mut self, at: u64, into: &mut [u8]) -> Result<()> {
+        self.seek(at)?;
+        self.fill(into)
+    }
+
+    /// End of the last record of the file, bytes.
+    pub(super) fn end(&self) -> u64 {
+        self.end
     }
 
     /// The error for a record whose content does not fit its kind.
@@ -296,7 +338,12 @@ impl Walk {
 
     /// A format error at the last record.
     pub(super) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        Error::format(&self.path, Location::Byte(self.start), found, expected)
+        Error::format(
+            self.input.path(),
+            Location::Byte(self.start),
+            found,
+            expected,
+        )
     }
 
     /// Most bytes that all chunks together may unpack to.
@@ -312,7 +359,12 @@ impl Walk {
 
     /// The file.
     pub(super) fn path(&self) -> &Path {
-        &self.path
+        self.input.path()
+    }
+
+    /// The file, for remarks.
+    pub(super) fn input(&self) -> &Input {
+        &self.input
     }
 
     /// Bytes read so far.

@@ -10,6 +10,8 @@ pub(super) struct Fault {
     pub(super) found: String,
     /// The content expected.
     pub(super) expected: String,
+    /// Whether the user can answer it in the project, so that it is none of the message's.
+    pub(super) is_asked: bool,
 }
 
 impl Fault {
@@ -18,6 +20,15 @@ impl Fault {
         Self {
             found: found.into(),
             expected: expected.into(),
+            is_asked: false,
+        }
+    }
+
+    /// A fault that the user can answer in the project.
+    pub(super) fn asked(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self {
+            is_asked: true,
+            ..Self::new(found, expected)
         }
     }
 

@@ -10,6 +10,8 @@ use crate::format::parquet;
 
 /// Lines of this many bytes do not belong to a table; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
+/// End of file in texts of DOS.
+const DOS_END: u8 = 0x1a;
 /// Tables do not have more columns; the limit matters because each name is compared with all known names.
 pub(crate) const MOST_COLUMNS: usize = 1024;
 
@@ -54,6 +56,13 @@ impl Lines {
         }
         self.number += 1;
         self.bytes += read;
+        // DOS programs mark the end of a text with this byte.
+        if self.bytes == self.total && self.line.last() == Some(&DOS_END) {
+            self.line.pop();
+            if self.line.is_empty() {
+                return Ok(false);
+            }
+        }
         let text = match std::str::from_utf8(&self.line) {
             Ok(_) if read == LONGEST_LINE => Err("a line of a mebibyte or more"),
             Ok(text) if text.contains('\0') => Err("zero bytes"),

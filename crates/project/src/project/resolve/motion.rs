@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::project::checked::{LogFile, Logs, Motion, PosesFile};
 use crate::project::shapes::Files;
 use crate::project::source::{Source, Step};
+use crate::project::units::ImuUnits;
 use crate::project::written::{self, Written};
 use crate::trajectory::{HeadingSettings, ImuDatasheet, ImuNoise, PoseLimits, TrajectorySettings};
 
@@ -143,6 +144,10 @@ fn logs(
     )?;
     Ok(Logs {
         imu: Table::new(source, "imu").log(&imu.file, imu.time_offset_s)?,
+        imu_units: ImuUnits {
+            accel: imu.accel_unit.unwrap_or_default(),
+            gyro: imu.gyro_unit.unwrap_or_default(),
+        },
         positions,
         heading: heading_log,
         settings: TrajectorySettings {

@@ -5,6 +5,7 @@ use super::table::Table;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::project::checked::{LogFile, PositionLog};
+use crate::project::quality::{DIFFERENTIAL_SIGMA_M, FLOAT_SIGMA_M, QualityNoise, SINGLE_SIGMA_M};
 use crate::project::shapes::Numbers;
 use crate::project::source::Source;
 use crate::project::written::{self, ObservationKind, Written};
@@ -89,10 +90,10 @@ fn name(
 }
 
 /// Standard deviations, which must be above 0.
-fn sigmas(table: &Table<'_>, given: Option<Numbers>, default: [f64; 3]) -> Result<Vec3> {
+fn sigmas(table: &Table<'_>, key: &str, given: Option<Numbers>, default: [f64; 3]) -> Result<Vec3> {
     let Numbers(values) = given.unwrap_or(Numbers(default));
     for value in values {
-        table.positive("sigma_m", value)?;
+        table.positive(key, value)?;
     }
     Ok(values.into())
 }
@@ -105,6 +106,7 @@ fn lever_arm_sigma(table: &Table<'_>, given: Option<f64>) -> Result<f64> {
 fn correlated(
     table: &Table<'_>,
     sigma_m: Option<Numbers>,
+    has_lasting: bool,
     correlation_s: Option<f64>,
 ) -> Result<(Vec3, f64)> {
     let key = "sigma_correlated_m";
@@ -112,7 +114,7 @@ fn correlated(
     for value in values {
         table.not_negative(key, value)?;
     }
-    let correlation_s = table.correlation(key, sigma_m.is_some(), correlation_s)?;
+    let correlation_s = table.correlation(key, has_lasting, correlation_s)?;
     Ok((values.into(), correlation_s))
 }
 
@@ -125,17 +127,39 @@ fn gnss(
         path,
         time_offset_s,
     } = table.log(&gnss.file, gnss.time_offset_s)?;
+    let given = [
+        gnss.sigma_correlated_m,
+        gnss.sigma_float_m,
+        gnss.sigma_differential_m,
+        gnss.sigma_single_m,
+    ];
+    let has_lasting = given.iter().any(Option::is_some);
+    let (sigma_correlated_m, correlation_s) = correlated(
+        table,
+        gnss.sigma_correlated_m,
+        has_lasting,
+        gnss.correlation_s,
+    )?;
+    let sigma = |key, given, default| sigmas(table, key, given, default);
     let log = PositionLog {
         path,
         time_offset_s,
         observations: Observations::Cartesian,
+        by_quality: QualityNoise {
+            float_m: sigma("sigma_float_m", gnss.sigma_float_m, FLOAT_SIGMA_M)?,
+            differential_m: sigma(
+                "sigma_differential_m",
+                gnss.sigma_differential_m,
+                DIFFERENTIAL_SIGMA_M,
+            )?,
+            single_m: sigma("sigma_single_m", gnss.sigma_single_m, SINGLE_SIGMA_M)?,
+            correlation_s,
+        },
     };
-    let (sigma_correlated_m, correlation_s) =
-        correlated(table, gnss.sigma_correlated_m, gnss.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Gnss,
-        sigma_m: sigmas(table, gnss.sigma_m, GNSS_SIGMA_M)?,
+        sigma_m: sigmas(table, "sigma_m", gnss.sigma_m, GNSS_SIGMA_M)?,
         sigma_correlated_m,
         correlation_s,
         lever_arm_m: table.on_body("lever_arm_m", gnss.lever_arm_m)?,
@@ -165,15 +189,25 @@ fn prism(
         Observations::Polar(station) => {
             Vec3::repeat(station.sigma_prism_m.hypot(station.sigma_distance_m))
         }
-        _ => sigmas(table, prism.sigma_m, [PRISM_SIGMA_M; 3])?,
+        _ => sigmas(table, "sigma_m", prism.sigma_m, [PRISM_SIGMA_M; 3])?,
     };
+    let (sigma_correlated_m, correlation_s) = correlated(
+        table,
+        prism.sigma_correlated_m,
+        prism.sigma_correlated_m.is_some(),
+        prism.correlation_s,
+    )?;
     let log = PositionLog {
         path,
         time_offset_s,
         observations,
+        by_quality: QualityNoise {
+            float_m: FLOAT_SIGMA_M.into(),
+            differential_m: DIFFERENTIAL_SIGMA_M.into(),
+            single_m: SINGLE_SIGMA_M.into(),
+            correlation_s,
+        },
     };
-    let (sigma_correlated_m, correlation_s) =
-        correlated(table, prism.sigma_correlated_m, prism.correlation_s)?;
     let settings = PositionSettings {
         name,
         kind: PositionKind::Prism,

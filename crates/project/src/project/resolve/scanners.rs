@@ -3,11 +3,13 @@
 use super::table::Table;
 use crate::calibration::PARAMETER_NAMES;
 use crate::error::Result;
+use crate::format::PointTimes;
 use crate::geometry::euler::rotation_from_euler_deg;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation};
 use crate::joint::{COMPLIANCE, Compliance};
 use crate::project::checked::{OtherDrive, Scanner};
 use crate::project::source::{Source, Step, nearest};
+use crate::project::units::TimeUnit;
 use crate::project::written::{self, Written};
 
 /// The constant of a scanner that can be estimated besides its mounting.
@@ -100,6 +102,10 @@ fn checked(source: &Source, index: usize, scanner: &written::Scanner) -> Result<
             .map(|file| source.absolute(file))
             .collect(),
         time_offset_s: table.finite("time_offset_s", scanner.time_offset_s)?,
+        point_times: PointTimes {
+            field: scanner.point_time_field.clone(),
+            unit_s: scanner.point_time_unit.map(TimeUnit::length_s),
+        },
         estimate_time_offset,
         body_from_scanner: BodyFromScanner::new(rotation, translation_m),
         convention,

@@ -57,10 +57,7 @@ pub(crate) const POSES: kind::Kind = kind::Kind {
 
 pub(crate) const POSITIONS: kind::Kind = kind::Kind {
     signature: Some(|start| kind_of(start) == Some(Kind::Position)),
-    positions: Some(|path, _| {
-        let (fixes, rejected) = (read_positions(path)?, Vec::new());
-        Ok(Positions { fixes, rejected })
-    }),
+    positions: Some(|path, _| Ok(Positions::of(read_positions(path)?))),
     frame: kind::Frame::Fixed("metres (named in the header); world: reference frame R, z up"),
     ..kind::Kind::new("euroc-positions", "position log (EuRoC)")
 };
@@ -68,7 +65,24 @@ pub(crate) const POSITIONS: kind::Kind = kind::Kind {
 /// The content of a file according to its first line.
 fn kind_of(start: &kind::Start<'_>) -> Option<Kind> {
     let line = start.bytes.split(|byte| *byte == b'\n').next()?;
-    looks_like_header(std::str::from_utf8(line).ok()?)
+    let line = std::str::from_utf8(line).ok()?;
+    looks_like_header(line).or_else(|| of_numbers(line))
+}
+
+/// The content of a file without a header: numbers between commas, the first of them a date in nanoseconds. Their number
+/// tells the kind.
+fn of_numbers(line: &str) -> Option<Kind> {
+    const YEAR_2001_NS: i64 = 1_000_000_000_000_000_000;
+    let mut cells = line.trim_ascii().split(',').map(str::trim_ascii);
+    let time_ns: i64 = cells.next()?.parse().ok()?;
+    let mut count = 0;
+    for cell in cells {
+        cell.parse::<f64>().ok()?;
+        count += 1;
+    }
+    let kinds = [Kind::Imu, Kind::State, Kind::Pose, Kind::Position];
+    let kind = kinds.into_iter().find(|kind| kind.columns().len() == count);
+    kind.filter(|_| time_ns >= YEAR_2001_NS)
 }
 
 /// A column of the data set and its unit.
@@ -157,7 +171,18 @@ fn read<T>(
 ) -> Result<Vec<T>> {
     let mut lines = Lines::open(input)?;
     lines.advance()?;
-    let header = lines.text().to_owned();
+    let mut header = lines.text().to_owned();
+    let headless = of_numbers(&header).filter(|kind| kinds.contains(kind));
+    if let Some(kind) = headless {
+        let columns = kind.columns().iter().map(|(name, _)| *name);
+        let columns: Vec<&str> = columns.collect();
+        input.remark(format!(
+            "there is no header: the columns are taken for a time in nanoseconds and {}",
+            columns.join(", ")
+        ));
+        header = format!("#timestamp,{}", columns.join(","));
+        lines = Lines::open(input)?;
+    }
     let kind = looks_like_header(&header).filter(|kind| kinds.contains(kind));
     let (Some(kind), Some(names)) = (kind, names(&header)) else {
         let wanted = kinds.last().map_or(&[][..], |kind| kind.columns());
@@ -239,16 +264,10 @@ pub fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
 /// S is the IMU in ground truth and the rigid body of markers in a motion capture file.
 ///
 /// # Errors
-/// Those of [`read_imu`]; quaternions that are not of unit length; times that do not increase.
+/// Those of [`read_imu`]; quaternions that are not of unit length.
 pub fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
-    let mut last_s = f64::NEG_INFINITY;
     let kinds = [Kind::State, Kind::Pose];
     read(input, &kinds, "pose", |time_s, values, kind, lines| {
-        if time_s <= last_s {
-            let found = format!("time {time_s} s after {last_s} s");
-            return Err(lines.error(found, "times that increase"));
-        }
-        last_s = time_s;
         let q = nalgebra::Quaternion::new(values[3], values[4], values[5], values[6]);
         let length = q.norm();
         if (length - 1.0).abs() > QUATERNION_SLACK {

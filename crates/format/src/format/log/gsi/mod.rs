@@ -319,7 +319,7 @@ pub fn read(input: &Input) -> Result<Vec<GsiPoint>> {
     Ok(points)
 }
 
-/// Reads the coordinates of the targets or, with [`Observations::Polar`], their polar observations. Blocks
+/// Reads the positions of the prism, which are those of the targets with the height of the reflector, or, with [`Observations::Polar`], their polar observations. Blocks
 /// without these, such as those of the station, are left out.
 ///
 /// # Errors
@@ -334,10 +334,17 @@ pub fn read_positions(input: &Input, observations: &Observations) -> Result<Posi
         ))
     };
     let mut positions = Positions::default();
+    let mut raised = 0;
     for point in read(input)? {
         let fix = match observations {
             Observations::Polar(instrument) => polar(&point).map(|o| instrument.position_fix(&o)),
-            _ => cartesian(&point),
+            _ => cartesian(&point).inspect(|_| {
+                raised += u64::from(
+                    point
+                        .reflector_height_m
+                        .is_some_and(|height_m| height_m != 0.0),
+                );
+            }),
         };
         let Some(fix) = fix else { continue };
         let Some(time_s) = point.time_s() else {
@@ -347,6 +354,13 @@ pub fn read_positions(input: &Input, observations: &Observations) -> Result<Posi
             );
         };
         positions.fixes.push(PositionFix { time_s, ..fix });
+    }
+    if raised > 0 {
+        input.remark(format!(
+            "the height of the reflector (word 87) is added to the heights of {raised} of {} targets, which lie below the \
+             prism",
+            positions.fixes.len()
+        ));
     }
     match (positions.fixes.is_empty(), observations) {
         (false, _) => Ok(positions),
@@ -362,13 +376,12 @@ pub fn read_positions(input: &Input, observations: &Observations) -> Result<Posi
     }
 }
 
+/// The position of the prism: its target, which is a point on the ground, and the height of the reflector above it.
 fn cartesian(point: &GsiPoint) -> Option<PositionFix> {
     let [east, north, up] = point.target_m;
-    Some(PositionFix::with_sigma(
-        0.0,
-        Vec3::new(east?, north?, up?),
-        None,
-    ))
+    let up_m = up? + point.reflector_height_m.unwrap_or(0.0);
+    let position_m = Vec3::new(east?, north?, up_m);
+    Some(PositionFix::with_sigma(0.0, position_m, None))
 }
 
 fn polar(point: &GsiPoint) -> Option<PolarObservation> {

@@ -10,23 +10,32 @@
 //! continue above 86400 after midnight: a time that is more than half a day earlier than the one
 //! before it belongs to the next day.
 //!
+//! Records whose date lies a month or more from that of most records are left out: their receiver did not know the date
+//! yet.
+//!
 //! HDT and THS have no time. A receiver sends the sentences of an epoch in one burst, so that **a
 //! heading has the time of the nearest GGA (with a fix), ZDA or valid RMC before it**; a receiver
 //! that sends the heading first must be configured to send one of them before it. A second heading
-//! without a new time in between is skipped: its time is unknown. PASHR has its own time.
+//! without a new time in between is skipped: its time is unknown. PASHR, PTNL,AVR and KSXT have
+//! their own time.
 
+mod clock;
+mod heading;
+mod place;
 mod sentence;
+mod skipped;
 #[cfg(test)]
 mod tests;
 
 use std::path::Path;
 
-pub use self::sentence::NmeaSkipped;
-use self::sentence::{Heading, Sentence, Useless, for_each_piece, parse, pieces};
+use self::clock::{Clock, Moment};
+use self::sentence::{Heading, Place, Sentence, Useless, for_each_piece, parse, pieces};
+pub use self::skipped::NmeaSkipped;
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::text::civil::DAY_S;
+use crate::geometry::Vec3;
 use crate::sensor::{GeographicFix, HeadingFix};
 
 pub(crate) const LOG: Kind = Kind {
@@ -49,51 +58,6 @@ pub struct NmeaLog<T> {
     pub records: Vec<T>,
     /// Numbers of skipped sentences.
     pub skipped: NmeaSkipped,
-}
-
-/// A time: the day, counted from the first day of the log, and the second of the day.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Moment {
-    day: i64,
-    second_s: f64,
-}
-
-/// The clock of a log.
-#[derive(Debug, Default)]
-struct Clock {
-    last: Option<Moment>,
-    /// Days from 1970 to day 0, once known.
-    day_0: Option<i64>,
-}
-
-/// If a time of day is this much later than the previous time, it is a late one of the previous day.
-const LATE_S: f64 = 23.0 * 3600.0;
-
-impl Clock {
-    /// The moment of the next time of day in the log.
-    fn at(&mut self, second_s: f64) -> Moment {
-        let day = self.last.map_or(0, |last| match second_s - last.second_s {
-            step_s if step_s < -0.5 * DAY_S => last.day + 1,
-            step_s if step_s > LATE_S => last.day - 1,
-            _ => last.day,
-        });
-        let moment = Moment { day, second_s };
-        self.last = Some(moment);
-        moment
-    }
-
-    /// Like [`at`](Self::at), with a known date in days since 1970.
-    fn at_date(&mut self, second_s: f64, date: i64) -> Moment {
-        let mut moment = self.at(second_s);
-        let day_0 = *self.day_0.get_or_insert(date - moment.day);
-        moment.day = date - day_0;
-        self.last = Some(moment);
-        moment
-    }
-
-    fn time_s(&self, moment: Moment) -> f64 {
-        (self.day_0.unwrap_or(0) + moment.day) as f64 * DAY_S + moment.second_s
-    }
 }
 
 /// Passes every useful sentence of a log to `take`.
@@ -141,23 +105,23 @@ fn no_records(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
     Error::format(path, Location::Whole, found, expected)
 }
 
-/// Reads the headings of a log and counts skipped sentences. Of PASHR, THS and HDT, only the most
-/// frequent sentence is used. PASHR gives standard deviations and the pitch as well.
+/// Reads the headings of a log and counts skipped sentences. Of the sentences with headings, only the most frequent
+/// one is used. PASHR gives standard deviations; PASHR, PTNL,AVR and KSXT give the pitch as well.
 ///
 /// # Errors
 /// No heading with a time; more headings without a time of their own than with one.
 pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
     let mut clock = Clock::default();
     let mut epoch = None;
-    let mut by_sentence: [Vec<(Moment, Heading)>; 3] = Default::default();
-    let mut late = [0; 3];
+    let mut by_sentence: [Vec<(Moment, Heading)>; 5] = Default::default();
+    let mut late = [0; 5];
     let mut skipped = scan(input, |sentence, skipped| match sentence {
-        Sentence::Position(second_s, ..) => epoch = Some(clock.at(second_s)),
+        Sentence::Position(place) => epoch = Some(clock.at_maybe(place.second_s, place.date)),
         Sentence::Date(second_s, date) => epoch = Some(clock.at_date(second_s, date)),
         Sentence::Heading(kind, heading) => {
-            let moment = heading
-                .second_s
-                .map_or(epoch, |second_s| Some(clock.at(second_s)));
+            let moment = heading.second_s.map_or(epoch, |second_s| {
+                Some(clock.at_maybe(second_s, heading.date))
+            });
             let last = by_sentence[kind].last().map(|(moment, _)| *moment);
             match moment.filter(|moment| last != Some(*moment)) {
                 Some(moment) => by_sentence[kind].push((moment, heading)),
@@ -165,10 +129,12 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
             }
         }
         Sentence::NoHeading => skipped.without_fix += 1,
-        Sentence::NoPosition | Sentence::NoDate => {}
+        Sentence::NotFixed => skipped.not_fixed += 1,
+        Sentence::NoPosition | Sentence::NoDate | Sentence::NoAccuracy | Sentence::Accuracy(..) => {
+        }
     })?;
     // If two are equally frequent, the last one wins: PASHR before THS before HDT.
-    let kind = (0..3)
+    let kind = (0..by_sentence.len())
         .max_by_key(|kind| (by_sentence[*kind].len(), late[*kind]))
         .unwrap_or(0);
     skipped.without_time = late[kind];
@@ -178,7 +144,8 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
         .map(|other| other.len() as u64)
         .sum::<u64>();
     if headings.is_empty() {
-        let expected = "headings (HDT, THS or PASHR) behind times (GGA, ZDA or RMC)";
+        let expected = "headings (HDT, THS, PASHR, PTNL,AVR or KSXT) with times (GGA, ZDA or RMC before each, or \
+                        their own)";
         return Err(no_records(input.path(), &skipped, expected));
     }
     if skipped.without_time > headings.len() as u64 {
@@ -195,8 +162,9 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
             expected,
         ));
     }
-    let records = headings.into_iter().map(|(moment, heading)| HeadingFix {
-        time_s: clock.time_s(moment),
+    let headings = clock.date(headings, &mut skipped.undated);
+    let records = headings.into_iter().map(|(time_s, heading)| HeadingFix {
+        time_s,
         heading_rad: heading.heading_deg.to_radians(),
         sigma_rad: heading.sigma_deg.map(f64::to_radians),
         pitch_rad: heading.pitch_deg.map(f64::to_radians),
@@ -211,50 +179,114 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
 /// # Errors
 /// Those of [`read_heading_log`].
 pub fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
-    Ok(read_heading_log(input)?.records)
+    let log = read_heading_log(input)?;
+    remark_losses(input, &log.skipped);
+    Ok(log.records)
 }
 
-/// Reads the positions of a log from its GGA sentences and counts skipped sentences.
+/// Keeps the numbers of sentences that a reader could not use.
+fn remark_losses(input: &Input, skipped: &NmeaSkipped) {
+    if let Some(losses) = skipped.losses() {
+        input.remark(format!("NMEA sentences left out: {losses}"));
+    }
+}
+
+/// Positions with the standard deviations of the GST sentences with their times.
+#[derive(Default)]
+struct Fixes {
+    /// By the kind of their sentence.
+    by_sentence: [Vec<(Moment, GeographicFix)>; 2],
+    /// Second of the day and standard deviations of the last GST.
+    accuracy: Option<(f64, Vec3)>,
+}
+
+impl Fixes {
+    fn push(&mut self, moment: Moment, place: &Place, separation_m: f64) {
+        let [latitude_rad, longitude_rad] = place.place_deg.map(f64::to_radians);
+        let accuracy = self
+            .accuracy
+            .filter(|(second_s, _)| *second_s == place.second_s);
+        let fix = GeographicFix {
+            time_s: 0.0,
+            latitude_rad,
+            longitude_rad,
+            height_m: place.altitude_m + separation_m,
+            sigma_m: accuracy.map(|(_, sigma_m)| sigma_m),
+            quality: Some(place.quality),
+        };
+        self.by_sentence[place.kind].push((moment, fix));
+    }
+
+    /// Takes a GST, which comes before or after the position with its time.
+    fn take(&mut self, second_s: f64, sigma_m: Vec3) {
+        self.accuracy = Some((second_s, sigma_m));
+        for fixes in &mut self.by_sentence {
+            if let Some((_, fix)) = fixes.last_mut().filter(|(m, _)| m.second_s == second_s) {
+                fix.sigma_m = Some(sigma_m);
+            }
+        }
+    }
+}
+
+/// The error for a log without a position.
+fn no_positions(path: &Path, skipped: &NmeaSkipped) -> Error {
+    if skipped.without_separation == 0 {
+        let expected = "positions (GGA with a fix and a geoid separation, or PTNL,GGK)";
+        return no_records(path, skipped, expected);
+    }
+    let found = format!(
+        "{} positions (GGA) without the separation of geoid and ellipsoid, so that their heights above the ellipsoid \
+         are unknown",
+        skipped.without_separation
+    );
+    let expected = "GGA with the separation in its 11th field: set the receiver to write it, or to write PTNL,GGK";
+    Error::format(path, Location::Whole, found, expected)
+}
+
+/// Reads the positions of a log from its GGA or PTNL,GGK sentences, whichever are more, with the standard deviations of
+/// its GST sentences, and counts skipped sentences.
 ///
 /// # Errors
 /// No position with a fix and the separation of geoid and ellipsoid, without which the ellipsoidal height
 /// is unknown.
 pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
     let mut clock = Clock::default();
-    let mut fixes: Vec<(Moment, GeographicFix)> = Vec::new();
-    let skipped = scan(input, |sentence, skipped| match sentence {
-        Sentence::Position(second_s, [lat, lon], altitude_m, separation_m) => {
-            let moment = clock.at(second_s);
-            let Some(separation_m) = separation_m else {
-                skipped.without_separation += 1;
-                return;
-            };
-            let fix = GeographicFix {
-                time_s: 0.0,
-                latitude_rad: lat.to_radians(),
-                longitude_rad: lon.to_radians(),
-                height_m: altitude_m + separation_m,
-                sigma_m: None,
-            };
-            fixes.push((moment, fix));
+    let mut fixes = Fixes::default();
+    let mut skipped = scan(input, |sentence, skipped| match sentence {
+        Sentence::Position(place) => {
+            let moment = clock.at_maybe(place.second_s, place.date);
+            match place.separation_m {
+                Some(separation_m) => fixes.push(moment, &place, separation_m),
+                None => skipped.without_separation += 1,
+            }
         }
+        Sentence::Accuracy(second_s, sigma_m) => fixes.take(second_s, sigma_m),
         Sentence::Date(second_s, date) => {
             clock.at_date(second_s, date);
         }
         Sentence::Heading(_, heading) => {
-            heading.second_s.map(|second_s| clock.at(second_s));
+            heading
+                .second_s
+                .map(|second_s| clock.at_maybe(second_s, heading.date));
         }
         Sentence::NoPosition => skipped.without_fix += 1,
-        Sentence::NoHeading | Sentence::NoDate => {}
+        Sentence::NoHeading | Sentence::NotFixed | Sentence::NoDate | Sentence::NoAccuracy => {}
     })?;
+    let [gga, ggk] = fixes.by_sentence;
+    let all = if ggk.len() > gga.len() {
+        [ggk, gga]
+    } else {
+        [gga, ggk]
+    };
+    let [fixes, other] = all;
     if fixes.is_empty() {
-        let expected = "positions (GGA with a fix and a geoid separation)";
-        return Err(no_records(input.path(), &skipped, expected));
+        return Err(no_positions(input.path(), &skipped));
     }
-    let records = fixes.into_iter().map(|(moment, fix)| GeographicFix {
-        time_s: clock.time_s(moment),
-        ..fix
-    });
+    skipped.other += other.len() as u64;
+    let fixes = clock.date(fixes, &mut skipped.undated);
+    let records = fixes
+        .into_iter()
+        .map(|(time_s, fix)| GeographicFix { time_s, ..fix });
     let records = records.collect();
     Ok(NmeaLog { records, skipped })
 }
@@ -264,24 +296,31 @@ pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
 /// # Errors
 /// Those of [`read_position_log`].
 pub fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
-    Ok(read_position_log(input)?.records)
+    let log = read_position_log(input)?;
+    remark_losses(input, &log.skipped);
+    Ok(log.records)
 }
 
 /// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.
 fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
     let mut clock = Clock::default();
-    let mut ends: Vec<(u64, Moment)> = Vec::new();
+    let mut ends: Vec<(Moment, u64)> = Vec::new();
     scan_to(input, |end, sentence, _| {
         let moment = match sentence {
-            Sentence::Position(second_s, ..) => Some(clock.at(second_s)),
+            Sentence::Position(place) => Some(clock.at_maybe(place.second_s, place.date)),
             Sentence::Date(second_s, date) => Some(clock.at_date(second_s, date)),
-            Sentence::Heading(_, heading) => heading.second_s.map(|second_s| clock.at(second_s)),
-            Sentence::NoPosition | Sentence::NoHeading | Sentence::NoDate => None,
+            Sentence::Heading(_, heading) => heading
+                .second_s
+                .map(|second_s| clock.at_maybe(second_s, heading.date)),
+            Sentence::Accuracy(..)
+            | Sentence::NoAccuracy
+            | Sentence::NoPosition
+            | Sentence::NoHeading
+            | Sentence::NotFixed
+            | Sentence::NoDate => None,
         };
-        ends.extend(moment.map(|moment| (end, moment)));
+        ends.extend(moment.map(|moment| (moment, end)));
     })?;
-    let times = ends.into_iter();
-    Ok(times
-        .map(|(end, moment)| (end, clock.time_s(moment)))
-        .collect())
+    let ends = clock.date(ends, &mut 0).into_iter();
+    Ok(ends.map(|(time_s, end)| (end, time_s)).collect())
 }

@@ -2,46 +2,16 @@
 
 use std::io::{BufRead, BufReader, Read};
 
+use super::heading::{avr, hdt, ksxt, pashr, ths};
+use super::place::{gga, ggk, gst};
 use crate::error::{Error, Result};
 use crate::format::input::Input;
 use crate::format::text::civil::{days_since_1970, second_of_day};
+use crate::geometry::Vec3;
+use crate::sensor::FixQuality;
 
 /// Sentences have at most 82 characters; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 16;
-
-/// Numbers of the sentences of a log that were skipped, by reason.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct NmeaSkipped {
-    /// Sentences of other types, and lines that are not sentences.
-    pub other: u64,
-    /// Sentences with a wrong checksum.
-    pub wrong_checksum: u64,
-    /// Sentences that are cut off or have unreadable fields, and sentences without a checksum in a
-    /// log that has checksums.
-    pub damaged: u64,
-    /// Positions and headings that the receiver marks as invalid or leaves empty.
-    pub without_fix: u64,
-    /// Positions without the separation of geoid and ellipsoid.
-    pub without_separation: u64,
-    /// Headings before the first time, or after another heading with the same time.
-    pub without_time: u64,
-}
-
-impl std::fmt::Display for NmeaSkipped {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{} sentences of other types, {} with a wrong checksum, {} damaged, {} without a fix, \
-             {} without a geoid separation, {} headings without a time of their own",
-            self.other,
-            self.wrong_checksum,
-            self.damaged,
-            self.without_fix,
-            self.without_separation,
-            self.without_time
-        )
-    }
-}
 
 /// The reason why a sentence is skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,29 +22,53 @@ pub(super) enum Useless {
 }
 
 /// A heading with the other values of its sentence.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Heading {
     /// Second of the day; `None` for a sentence without a time.
     pub(super) second_s: Option<f64>,
+    /// Days since 1970, of a sentence with a date.
+    pub(super) date: Option<i64>,
     pub(super) heading_deg: f64,
     pub(super) sigma_deg: Option<f64>,
     pub(super) pitch_deg: Option<f64>,
     pub(super) pitch_sigma_deg: Option<f64>,
 }
 
+/// A position with the other values of its sentence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// Its sentence: 0 for GGA, 1 for GGK.
+    pub(super) kind: usize,
+    /// Second of the day.
+    pub(super) second_s: f64,
+    /// Days since 1970, of a sentence with a date.
+    pub(super) date: Option<i64>,
+    /// Latitude and longitude.
+    pub(super) place_deg: [f64; 2],
+    pub(super) altitude_m: f64,
+    /// Of geoid and ellipsoid.
+    pub(super) separation_m: Option<f64>,
+    pub(super) quality: FixQuality,
+}
+
 /// The content of a sentence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Sentence {
-    /// GGA with a fix: second of the day, latitude and longitude in degrees, altitude and
-    /// separation in metres.
-    Position(f64, [f64; 2], f64, Option<f64>),
+    /// A position with a fix.
+    Position(Place),
+    /// GST: second of the day and standard deviations to the east, to the north and upwards in metres.
+    Accuracy(f64, Vec3),
     /// ZDA or a valid RMC: second of the day and days since 1970.
     Date(f64, i64),
-    /// A heading with its sentence: 0 for HDT, 1 for THS, 2 for PASHR.
+    /// A heading with its sentence: 0 for HDT, 1 for THS, 2 for PASHR, 3 for PTNL,AVR, 4 for KSXT.
     Heading(usize, Heading),
     /// A position or heading that its sentence marks as invalid.
     NoPosition,
     NoHeading,
+    /// A heading from carrier phases whose ambiguities are not fixed.
+    NotFixed,
+    /// A GST without standard deviations.
+    NoAccuracy,
     /// An RMC that its receiver marks as invalid.
     NoDate,
 }
@@ -130,7 +124,8 @@ pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useles
     };
     let mut fields = body.split(',');
     let address = fields.next().unwrap_or_default();
-    let is_address = address.len() == 5 && address.bytes().all(|b| b.is_ascii_alphanumeric());
+    let is_address =
+        matches!(address.len(), 4..=5) && address.bytes().all(|b| b.is_ascii_alphanumeric());
     if !is_address {
         return (false, Err(Useless::Other));
     }
@@ -146,13 +141,18 @@ pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useles
         }
     }
     let fields: Vec<&str> = fields.map(str::trim_ascii).collect();
-    let sentence = match (address, &address[2..]) {
+    let sentence = match (address, address.get(2..).unwrap_or_default()) {
+        ("KSXT", _) => ksxt(&fields),
+        ("PTNL", _) if fields.first() == Some(&"AVR") => avr(&fields),
+        ("PTNL", _) if fields.first() == Some(&"GGK") => ggk(&fields),
         ("PASHR", _) if fields.get(2) == Some(&"T") => pashr(&fields),
         // Proprietary sentences begin with P and have no talker.
         (proprietary, _) if proprietary.starts_with('P') => {
             return (star.is_some(), Err(Useless::Other));
         }
+        (short, _) if short.len() == 4 => return (star.is_some(), Err(Useless::Other)),
         (_, "GGA") => gga(&fields),
+        (_, "GST") => gst(&fields),
         (_, "HDT") => hdt(&fields),
         (_, "THS") => ths(&fields),
         (_, "ZDA") => zda(&fields),
@@ -163,7 +163,7 @@ pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useles
 }
 
 /// A decimal number without exponent.
-fn number(text: &str) -> Option<f64> {
+pub(super) fn number(text: &str) -> Option<f64> {
     let plain = text
         .bytes()
         .all(|b| b.is_ascii_digit() || matches!(b, b'.' | b'+' | b'-'));
@@ -171,157 +171,17 @@ fn number(text: &str) -> Option<f64> {
     value.filter(|_| plain)
 }
 
-fn digits<T: std::str::FromStr>(text: &str) -> Option<T> {
+pub(super) fn digits<T: std::str::FromStr>(text: &str) -> Option<T> {
     text.parse()
         .ok()
         .filter(|_| text.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// Parses `hhmmss.ss` to the second of the day.
-fn second_s(text: &str) -> Option<f64> {
+pub(super) fn second_s(text: &str) -> Option<f64> {
     let (hour, minute, second) = (text.get(..2)?, text.get(2..4)?, text.get(4..)?);
     let second_s = number(second).filter(|_| second.len() == 2 || second.get(2..3) == Some("."))?;
     second_of_day(digits(hour)?, digits(minute)?, second_s)
-}
-
-/// Parses `dddmm.mmm` and a hemisphere to degrees, positive to the north and east.
-fn degrees(
-    text: &str,
-    hemisphere: &str,
-    [positive, negative]: [&str; 2],
-    most: f64,
-) -> Option<f64> {
-    let point = text.find('.').unwrap_or(text.len());
-    let (whole, minutes) = text.split_at_checked(point.checked_sub(2)?)?;
-    let minutes = number(minutes).filter(|minutes| (0.0..60.0).contains(minutes))?;
-    let angle_deg = f64::from(digits::<u16>(whole)?) + minutes / 60.0;
-    let sign = if hemisphere == positive {
-        1.0
-    } else if hemisphere == negative {
-        -1.0
-    } else {
-        return None;
-    };
-    (angle_deg <= most).then_some(sign * angle_deg)
-}
-
-/// `time, latitude, N, longitude, E, quality, satellites, HDOP, altitude, M, separation, M, …`
-fn gga(fields: &[&str]) -> Option<Sentence> {
-    let &[
-        time,
-        lat,
-        ns,
-        lon,
-        ew,
-        quality,
-        _,
-        _,
-        altitude,
-        m,
-        separation,
-        ref rest @ ..,
-    ] = fields
-    else {
-        return None;
-    };
-    rest.first()?;
-    let quality: u8 = digits(quality).or(quality.is_empty().then_some(0))?;
-    if quality == 0 {
-        return Some(Sentence::NoPosition);
-    }
-    let position_deg = [
-        degrees(lat, ns, ["N", "S"], 90.0)?,
-        degrees(lon, ew, ["E", "W"], 180.0)?,
-    ];
-    if m != "M" {
-        return None;
-    }
-    let separation = match (separation, rest.first()) {
-        ("", _) => None,
-        (separation, Some(&"M")) => Some(number(separation)?),
-        _ => return None,
-    };
-    let (second_s, altitude_m) = (second_s(time)?, number(altitude)?);
-    Some(Sentence::Position(
-        second_s,
-        position_deg,
-        altitude_m,
-        separation,
-    ))
-}
-
-/// A heading in degrees, 0 to 360.
-fn heading_deg(text: &str) -> Option<f64> {
-    number(text).filter(|heading| (0.0..=360.0).contains(heading))
-}
-
-fn heading(kind: usize, text: &str) -> Option<Sentence> {
-    let heading = Heading {
-        second_s: None,
-        heading_deg: heading_deg(text)?,
-        sigma_deg: None,
-        pitch_deg: None,
-        pitch_sigma_deg: None,
-    };
-    Some(Sentence::Heading(kind, heading))
-}
-
-/// `heading, T`
-fn hdt(fields: &[&str]) -> Option<Sentence> {
-    match fields {
-        ["", "T" | "", ..] => Some(Sentence::NoHeading),
-        [text, "T", ..] => heading(0, text),
-        _ => None,
-    }
-}
-
-/// `heading, mode`: autonomous and estimated headings are measurements; manual, simulated and
-/// invalid ones are not.
-fn ths(fields: &[&str]) -> Option<Sentence> {
-    match fields {
-        [_, "M" | "S" | "V", ..] | ["", "", ..] => Some(Sentence::NoHeading),
-        [text, "A" | "E", ..] => heading(1, text),
-        _ => None,
-    }
-}
-
-/// `time, heading, T, roll, pitch, heave, sigma of roll, of pitch, of heading, quality, …`
-fn pashr(fields: &[&str]) -> Option<Sentence> {
-    let &[
-        time,
-        heading,
-        _,
-        _,
-        pitch,
-        _,
-        _,
-        pitch_sigma,
-        sigma,
-        quality,
-        ..,
-    ] = fields
-    else {
-        return None;
-    };
-    if heading.is_empty() || quality == "0" {
-        return Some(Sentence::NoHeading);
-    }
-    digits::<u8>(quality)?;
-    // An empty field is valid, an unreadable field is damage; zero stands for an unknown accuracy.
-    let angle = |text: &str| match text {
-        "" => Some(None),
-        text => number(text).filter(|angle| angle.abs() <= 90.0).map(Some),
-    };
-    let accuracy = |text| Some(angle(text)?.filter(|sigma| *sigma > 0.0));
-    let pitch_deg = angle(pitch)?;
-    let heading = Heading {
-        second_s: Some(second_s(time)?),
-        heading_deg: heading_deg(heading)?,
-        sigma_deg: accuracy(sigma)?,
-        pitch_deg,
-        pitch_sigma_deg: accuracy(pitch_sigma)?.filter(|_| pitch_deg.is_some()),
-    };
-    Some(Sentence::Heading(2, heading))
 }
 
 /// `time, day, month, year, …`

@@ -1,6 +1,7 @@
 use super::sentence::*;
 use super::*;
 use crate::format::mutation::for_each_damaged;
+use crate::sensor::FixQuality;
 
 /// A log that begins and ends in the middle of a sentence. Expected values are from another reader,
 /// pynmea2 1.19.
@@ -49,9 +50,11 @@ fn headings_have_the_time_of_their_epoch() {
         wrong_checksum: 1,
         damaged: 1,
         without_fix: 2,
+        not_fixed: 0,
         without_separation: 0,
         // One before the first time, and a second one in the same epoch.
         without_time: 2,
+        undated: 0,
     };
     assert_eq!(log.skipped, skipped);
 }
@@ -218,7 +221,15 @@ fn checksums_are_verified() {
 fn fields_out_of_range_are_errors() {
     let fix = "GPGGA,120000.5,5043.5,N,00705.5,E,1,17,0.7,104.5,M,47.1,M,,";
     let position = [50.725, 7.0 + 5.5 / 60.0];
-    let expected = Sentence::Position(43_200.5, position, 104.5, Some(47.1));
+    let expected = Sentence::Position(Place {
+        kind: 0,
+        second_s: 43_200.5,
+        date: None,
+        place_deg: position,
+        altitude_m: 104.5,
+        separation_m: Some(47.1),
+        quality: FixQuality::Single,
+    });
     assert_eq!(read(fix), Ok(expected));
     for (from, to) in [
         ("120000.5", "240000"),

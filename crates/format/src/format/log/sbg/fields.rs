@@ -4,7 +4,7 @@ use super::clock::{Trust, unix_ns};
 use super::frames::Frame;
 use super::message::*;
 use crate::geometry::Vec3;
-use crate::sensor::{GeographicFix, HeadingFix};
+use crate::sensor::{FixQuality, GeographicFix, HeadingFix};
 
 /// The payload of a message; numbers beyond the end of the payload are `None`.
 #[derive(Debug, Clone, Copy)]
@@ -146,6 +146,18 @@ fn heading(fields: Fields<'_>) -> Option<Content> {
     }))
 }
 
+/// The quality of a type of solution; `None` for one that the receiver does not know and for a position that was
+/// entered.
+fn quality(solution: u32) -> Option<FixQuality> {
+    match solution {
+        2 => Some(FixQuality::Single),
+        3..=5 => Some(FixQuality::Differential),
+        6 | 8 => Some(FixQuality::Float),
+        7 | 9 => Some(FixQuality::Fixed),
+        _ => None,
+    }
+}
+
 fn position(fields: Fields<'_>) -> Option<Content> {
     const UNKNOWN_SIGMA_M: f64 = 9999.0;
     let state = fields.u32(4)?;
@@ -161,5 +173,6 @@ fn position(fields: Fields<'_>) -> Option<Content> {
         longitude_rad: degrees(20, 360.0)?.to_radians(),
         height_m: fields.f64(28)? + fields.f32(36)?,
         sigma_m: Some(Vec3::new(sigma_m(44)?, sigma_m(40)?, sigma_m(48)?)),
+        quality: quality(solution),
     }))
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geometry::Vec3;
+use crate::sensor::FixQuality;
 
 /// A log written by the manufacturer's library, sbgECom 5.2.590: five IMU_SHORT 1 ms apart, the third
 /// turning fast, with two UTC_TIME, an IMU_DATA, an EKF_EULER, and two GPS1_HDT and GPS1_POS each. The
@@ -324,6 +325,7 @@ fn headings_and_positions_without_a_solution_are_left_out() {
         longitude_rad: 9_f64.to_radians(),
         height_m: 547.5,
         sigma_m: Some(Vec3::new(2.0, 1.0, 3.0)),
+        quality: Some(FixQuality::Fixed),
     };
     assert_eq!(with_file(&log, read_positions).unwrap(), [fix]);
 }

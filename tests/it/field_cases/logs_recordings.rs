@@ -1,0 +1,278 @@
+//! Recordings of ROS as people have them, and positions of other programs.
+
+use std::fs;
+
+use boresight::format::{self, Input, PointTimes, inspect};
+use boresight::geometry::Projection;
+use boresight::sensor::{FixQuality, Observations};
+
+use super::logs::{notes, sample};
+use crate::common::{boresight, on_project};
+
+/// The times of all points of a recording, and the remarks.
+fn times_s(input: &Input) -> (Vec<f64>, String) {
+    let mut reader = format::open_profiles(input).unwrap();
+    let (mut times_s, mut chunk) = (Vec::new(), Vec::new());
+    while reader.next_chunk(&mut chunk).unwrap() {
+        times_s.extend(chunk.iter().map(|point| point.time_s));
+    }
+    (times_s, input.remarks().join("\n"))
+}
+
+#[track_caller]
+fn assert_near(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+    }
+}
+
+/// Times of the points of three clouds, 0.1 s apart, with six points each.
+fn even_s() -> Vec<f64> {
+    let start_s = |i: usize| 1_700_000_001.0 + i as f64 / 60.0;
+    (0..18).map(start_s).collect()
+}
+
+#[test]
+fn times_of_points_are_known_by_many_names() {
+    for name in ["time_offset_f32.mcap", "time_offset_ns_i32.mcap"] {
+        let input = Input::from(&sample("points-time-field-unknown").join(name));
+        assert_near(&times_s(&input).0, &even_s());
+    }
+}
+
+/// A copy of a recording with a field of its points called by another name of the same length.
+fn renamed(from: &str, to: &str) -> (tempfile::TempDir, std::path::PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut bytes = fs::read(sample("inspect-rows-0/t_u32_ns.mcap")).unwrap();
+    let field = [&[from.len() as u8 + 1, 0, 0, 0], from.as_bytes(), &[0]].concat();
+    let mut renamed = 0;
+    for at in 0..bytes.len() - field.len() {
+        if bytes[at..].starts_with(&field) {
+            bytes[at + 4..at + 4 + to.len()].copy_from_slice(to.as_bytes());
+            renamed += 1;
+        }
+    }
+    assert_eq!(renamed, 3);
+    fs::write(&path, bytes).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn recordings_give_their_poses_points_and_errors_to_inspect() {
+    for (name, count) in [
+        ("od_ok.mcap", 3),
+        ("t_u32_ns.mcap", 18),
+        ("imu_nan1.mcap", 19),
+        ("nf_nan_status0.mcap", 3),
+    ] {
+        let path = sample("inspect-rows-0").join(name);
+        assert_eq!(inspect(&path).unwrap().count, count, "{name}");
+    }
+    let left_out = notes(&sample("inspect-rows-0/imu_nan1.mcap"));
+    assert!(
+        left_out.contains("1 of 20 messages of /imu left out"),
+        "{left_out}"
+    );
+    let path = sample("inspect-rows-0/crc_none_flip.mcap");
+    boresight(&["inspect", path.to_str().unwrap()])
+        .assert_failed_with(&["byte 30", "a chunk whose checksum differs"]);
+}
+
+#[test]
+fn times_before_the_stamp_are_unwrapped() {
+    let path = sample("points-time-wrapped/t_u32_ns_neg_wrapped.mcap");
+    let (found, remarks) = times_s(&Input::from(&path));
+    assert_eq!(found.len(), 18);
+    assert!((found[0] - 1_700_000_000.995).abs() < 1e-6);
+    assert!(found[17] < 1_700_000_001.29);
+    assert!(remarks.contains("taken for negative ones"), "{remarks}");
+}
+
+#[test]
+fn microseconds_are_asked_for() {
+    let path = sample("point_time_us/us.bag");
+    boresight(&["inspect", path.to_str().unwrap()]).assert_failed_with(&[
+        "0.100 s apart",
+        "point_time_unit",
+        "\"us\" or \"ns\"",
+    ]);
+    let answered = PointTimes {
+        field: None,
+        unit_s: Some(1e-6),
+    };
+    let (found, _) = times_s(&Input::from(&path).with_point_times(answered));
+    let span_s = found[found.len() - 1] - found[0];
+    assert!((0.4..0.5).contains(&span_s), "{span_s}");
+}
+
+#[test]
+fn one_bad_message_costs_one_message() {
+    for (name, count, expected) in [
+        ("od_dup.mcap", 3, "1 of 4 poses left out"),
+        (
+            "od_zeroquat_first.mcap",
+            2,
+            "1 of 3 messages of /odom left out",
+        ),
+    ] {
+        let input = Input::from(&sample("one-bad-message").join(name));
+        assert_eq!(
+            format::read_trajectory(&input).unwrap().len(),
+            count,
+            "{name}"
+        );
+        let remarks = input.remarks().join("\n");
+        assert!(remarks.contains(expected), "{name}: {remarks}");
+    }
+    let (found, _) = times_s(&Input::from(&sample("one-bad-message/backwards.mcap")));
+    assert_eq!(found.len(), 30);
+    assert!(found.is_sorted());
+}
+
+#[test]
+fn a_damaged_chunk_costs_its_messages_and_is_named() {
+    let path = sample("mcap-chunk-damaged/flip.mcap");
+    let input = Input::from(&path);
+    assert_eq!(format::read_imu(&input).unwrap().len(), 194);
+    let remarks = input.remarks().join("\n");
+    assert!(
+        remarks.contains("damaged places of the recording left out: 1"),
+        "{remarks}"
+    );
+    assert!(remarks.contains("byte 4543"), "{remarks}");
+    // The power failed, and the file system kept zeros.
+    let folder = tempfile::tempdir().unwrap();
+    let zeroed = folder.path().join("zeros.mcap");
+    let mut bytes = fs::read(&path).unwrap();
+    let middle = bytes.len() / 2 + 1000;
+    bytes[middle..].fill(0);
+    fs::write(&zeroed, &bytes).unwrap();
+    let input = Input::from(&zeroed);
+    assert!(format::read_imu(&input).unwrap().len() > 50);
+    let remarks = input.remarks().join("\n");
+    assert!(
+        remarks.contains("damaged places of") || remarks.contains("cut off"),
+        "{remarks}"
+    );
+    // A file that is cut says so.
+    fs::write(&zeroed, &fs::read(&path).unwrap()[..middle]).unwrap();
+    let notes = notes(&zeroed);
+    assert!(
+        notes.contains(&format!("cut off at byte {middle}")),
+        "{notes}"
+    );
+}
+
+#[test]
+fn positions_of_rtklib_and_emlid_have_quality_and_accuracy() {
+    let crs = Projection::new("EPSG:25832").unwrap();
+    for (name, first_s) in [
+        ("rtk.pos", 1_691_572_500.0),
+        ("rtk_tow.pos", 1_691_572_500.0),
+        ("rtk_tow_nohead.pos", 1_691_572_500.0),
+        ("emlid.LLH", 1_691_572_500.0),
+        ("comma.pos", 33_300.0),
+    ] {
+        let input = Input::from(&sample("formats-refused").join(name));
+        let as_found = Observations::AsFound;
+        let found = format::read_projected_positions(&input, &as_found, Some(&crs)).unwrap();
+        assert_eq!(found.fixes.len(), 3, "{name}");
+        assert_eq!(found.fixes[0].time_s, first_s, "{name}");
+        assert_eq!(found.fixes[0].position_m.z, 95.2771);
+        let sigma_m = found.fixes[0].covariance_m2.unwrap().m33.sqrt();
+        assert!((sigma_m - 0.0101).abs() < 1e-12, "{name}");
+        let last = if name.starts_with("rtk_tow") {
+            FixQuality::Fixed
+        } else {
+            FixQuality::Float
+        };
+        assert_eq!(
+            found.qualities,
+            [FixQuality::Fixed, FixQuality::Fixed, last]
+        );
+    }
+}
+
+#[test]
+fn headings_of_two_antennas_have_their_pitch() {
+    for (name, count, heading_deg, pitch_deg) in [
+        ("ptnl_avr.nmea", 2, 149.4688, 0.0134),
+        ("ksxt.nmea", 1, 341.33, -1.2),
+    ] {
+        let path = sample("formats-refused").join(name);
+        let found = format::read_heading(&path).unwrap();
+        assert_eq!(found.len(), count, "{name}");
+        assert_eq!(found[0].time_s, 1_691_572_510.0, "{name}");
+        assert!((found[0].heading_rad.to_degrees() - heading_deg).abs() < 1e-9);
+        assert!((found[0].pitch_rad.unwrap().to_degrees() - pitch_deg).abs() < 1e-9);
+    }
+    // A GGK gives the position, above the ellipsoid.
+    let crs = Projection::new("EPSG:25832").unwrap();
+    let path = sample("formats-refused/ptnl_avr.nmea");
+    let found = format::read_projected_positions(&path, &Observations::AsFound, Some(&crs));
+    assert_eq!(found.unwrap().fixes[0].position_m.z, 95.277);
+}
+
+#[test]
+fn a_field_that_tells_of_a_time_is_asked_for() {
+    let name = "t";
+    let (_folder, path) = renamed(name, "u");
+    // `u` tells nothing: all points of a cloud have one time, which is said.
+    let (found, remarks) = times_s(&Input::from(&path));
+    assert_eq!(found.len(), 18);
+    assert!(remarks.contains("have no times of their own"), "{remarks}");
+    let named = PointTimes {
+        field: Some("u".to_owned()),
+        unit_s: Some(1e-9),
+    };
+    assert_near(
+        &times_s(&Input::from(&path).with_point_times(named)).0,
+        &even_s(),
+    );
+}
+
+#[test]
+fn accelerations_in_g_have_a_key_of_the_project() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(
+        sample("imu-in-g-bag/imu_g.mcap"),
+        folder.path().join("imu.mcap"),
+    )
+    .unwrap();
+    let rows = (0..18).map(|i| format!("{:.1},{i},0,0\n", 1_700_000_000.1 + 0.1 * f64::from(i)));
+    let prism = format!("time_s,east_m,north_m,up_m\n{}", rows.collect::<String>());
+    fs::write(folder.path().join("prism.csv"), prism).unwrap();
+    let project = |unit: &str| {
+        let text = format!(
+            "[frame]\nbody = \"FLU\"\n[imu]\nfile = \"imu.mcap\"\n{unit}[prism]\nfile = \"prism.csv\"\n\
+             lever_arm_m = [0, 0, 0.5]\n"
+        );
+        fs::write(folder.path().join("project.toml"), text).unwrap();
+        on_project(folder.path(), "trajectory", &[])
+    };
+    project("").assert_failed_with(&["the log is in g", "accel_unit = \"g\""]);
+    let run = project("accel_unit = \"g\"\n");
+    assert!(!run.err.contains("the log is in g"), "{}", run.err);
+    let inspected = on_project(folder.path(), "inspect", &[]);
+    assert_eq!(inspected.code, 0, "{}", inspected.err);
+}
+
+#[test]
+fn salvage_takes_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let path = sample("mcap-chunk-damaged/flip.mcap");
+    let run = boresight(&[
+        "salvage",
+        path.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(run.out.contains("kept 194 records"), "{}", run.out);
+    let input = Input::from(&out.join("flip.mcap"));
+    assert_eq!(format::read_imu(&input).unwrap().len(), 194);
+    assert!(input.remarks().is_empty(), "{:?}", input.remarks());
+}
