@@ -8,7 +8,7 @@ use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
 use crate::error::{Error, Problem, Result};
-use crate::format;
+use crate::format::{self, CloudClock};
 use crate::geometry::Vec3;
 use crate::georeference::ExcludedPoints;
 use crate::progress::Progress;
@@ -51,7 +51,7 @@ pub fn samples(
     let all = project
         .scanners
         .iter()
-        .map(open_profiles)
+        .map(|scanner| open_profiles(scanner, trajectory))
         .collect::<Result<Vec<_>>>()?;
     let bytes = all
         .iter()
@@ -174,15 +174,19 @@ fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
     })
 }
 
-/// Opens the profile files of a scanner.
+/// Opens the profile files of a scanner, with times on the clock of the trajectory.
 ///
 /// # Errors
 /// A file cannot be opened.
-pub fn open_profiles(scanner: &Scanner) -> Result<Vec<Box<dyn format::ProfileReader>>> {
-    scanner
-        .profiles
-        .iter()
-        .map(|path| format::open_profiles(path))
+pub fn open_profiles(
+    scanner: &Scanner,
+    trajectory: &Trajectory,
+) -> Result<Vec<Box<dyn format::ProfileReader>>> {
+    let (first_s, last_s) = trajectory.span_s();
+    let clock = CloudClock::of_span(first_s, last_s);
+    let files = scanner.profiles.iter();
+    files
+        .map(|path| format::open_profiles_on(path, clock))
         .collect()
 }
 

@@ -91,7 +91,7 @@ fn finest_scale(
     let (mut bodies, mut points, mut ranges_m) = (Vec::new(), Vec::new(), Vec::new());
     let mut shares = MOVED_SHARES.into_iter().peekable();
     let mut spacing_m = None;
-    for mut reader in open_profiles(&project.scanners[scanner])? {
+    for mut reader in open_profiles(&project.scanners[scanner], trajectory)? {
         while reader.next_chunk(&mut chunk)? {
             let mut placing = rig.georeferencer(scanner, trajectory);
             for point in &chunk {

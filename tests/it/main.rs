@@ -17,6 +17,7 @@ mod convert;
 mod drift;
 mod faults;
 mod features;
+mod field_cases;
 mod formats;
 mod geocom;
 mod gocator;
