@@ -99,8 +99,7 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
             (1, _) => return Ok(&pts::PTX),
             (3.., 1) => return Ok(&pts::PTS),
             (3.., _) if extension(&without_extension(input.path())) == "xyz" => {
-                refuse_other_tables(input)?;
-                return Ok(&cloud_table::XYZ);
+                return lines_of_xyz(input);
             }
             (3.., _) => {
                 let fits = |kind: &&&Kind| kind.numbers.is_some_and(|fit| fit(&cells));
@@ -108,8 +107,7 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
                     return Ok(kind);
                 }
                 refuse_matrix(input, &mut lines, cells)?;
-                refuse_other_tables(input)?;
-                return Ok(&cloud_table::XYZ);
+                return lines_of_xyz(input);
             }
             (n, _) => {
                 return Err(lines.error(
@@ -122,8 +120,11 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
     Err(nothing_in(input.path(), "line of data"))
 }
 
-/// An error if the first columns of a table without a header are not coordinates.
-pub(super) fn refuse_other_tables(input: &Input) -> Result<()> {
+/// The error of a table without a header whose first columns are not coordinates; `None` for other files.
+///
+/// # Errors
+/// A file that cannot be read as text.
+pub(super) fn other_table(input: &Input) -> Result<Option<Error>> {
     let mut lines = Lines::open(input)?;
     let mut rows = Vec::new();
     let mut has_commas = false;
@@ -139,14 +140,20 @@ pub(super) fn refuse_other_tables(input: &Input) -> Result<()> {
         has_commas |= Separator::of(text) == Separator::Comma;
         rows.push(cells);
     }
-    headerless::other_than_xyz(&rows, has_commas).map_or(Ok(()), |found| {
-        Err(Error::format(
+    let found = headerless::other_than_xyz(&rows, has_commas);
+    Ok(found.map(|found| {
+        Error::format(
             input.path(),
             Location::Whole,
             format!("a table without a header that looks like {found}"),
             "lines that begin with x y z, or a header that names the columns",
-        ))
-    })
+        )
+    }))
+}
+
+/// The format of lines of x y z, if the table without a header is not another one.
+fn lines_of_xyz(input: &Input) -> Result<&'static Kind> {
+    other_table(input)?.map_or(Ok(&cloud_table::XYZ), Err)
 }
 
 /// An error if the file is a 4 by 4 matrix.

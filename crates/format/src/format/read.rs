@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use super::detect::{detect, refuse_other_tables};
+use super::detect::{detect, other_table};
 use super::file::nothing_in;
 use super::input::Input;
 use super::kind::{Format, Frame, Kind};
@@ -211,9 +211,11 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
 /// [`MOST_COORDINATE_M`] and [`MOST_TIME_S`].
 pub fn read_cloud_with_remarks(input: impl Into<Input>) -> Result<ReadCloud> {
     let input = &input.into();
-    if detect(input).is_err_and(|error| !matches!(error, Error::Io { .. })) {
+    if detect(input).is_err()
+        && let Ok(Some(error)) = other_table(input)
+    {
         // The reader of the native table would say less.
-        refuse_other_tables(input)?;
+        return Err(error);
     }
     let mut read = reader(
         input,
