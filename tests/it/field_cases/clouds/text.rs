@@ -57,9 +57,18 @@ fn a_column_is_kept_with_gaps() {
     }
     let (cloud, _) = read("one_nan_drops_column/te.csv");
     assert_eq!(some(&cloud.time_s), [Some(100.5), None, Some(101.0)]);
-    // In the native table, too.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csv");
+    std::fs::write(
+        &path,
+        "x\ty\tz\tRed\tIntensity\n1\t2\t3\t\t7\n4\t5\t6\t255\t\n",
+    )
+    .unwrap();
+    assert_eq!(
+        some(&read_cloud(&path).unwrap().intensity),
+        [Some(7.0), None]
+    );
+    // In the native table, too.
     std::fs::write(
         &path,
         "east_m,north_m,up_m,intensity\n1,2,3,nan\n,,,5\n4,5,6,7\n",

@@ -96,7 +96,9 @@ impl Header {
             row[*meaning as usize] = factor * value;
             Ok(())
         })?;
-        if count == self.names.len() {
+        // The last tabs of a line are lost with the white space around it.
+        let may_end = separator == Separator::Tab && (3..self.names.len()).contains(&count);
+        if count == self.names.len() || may_end {
             return Ok(row);
         }
         let mut expected = format!(
@@ -125,6 +127,8 @@ impl Header {
             (values, self.separator),
             (text, of_row),
             (values, of_row),
+            // Tabs may also be aligned.
+            (values, Separator::Space),
         ] {
             let mut tried = *numerals;
             match self.row(text, separator, &mut tried) {

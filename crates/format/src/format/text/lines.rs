@@ -217,6 +217,8 @@ fn utf8(input: &Input) -> Result<(Stream, u64)> {
 pub(crate) enum Separator {
     Comma,
     Semicolon,
+    /// One tab between cells, which may be empty.
+    Tab,
     Space,
 }
 
@@ -226,6 +228,8 @@ impl Separator {
             Self::Semicolon
         } else if line.contains(',') && !has_decimal_commas(line) {
             Self::Comma
+        } else if line.contains('\t') && !line.contains(' ') && !line.contains("\t\t") {
+            Self::Tab
         } else {
             Self::Space
         }
@@ -247,8 +251,12 @@ impl Separator {
                     count += 1;
                 }
             }
-            Self::Comma | Self::Semicolon => {
-                let mark = if self == Self::Comma { ',' } else { ';' };
+            Self::Comma | Self::Semicolon | Self::Tab => {
+                let mark = match self {
+                    Self::Comma => ',',
+                    Self::Semicolon => ';',
+                    _ => '\t',
+                };
                 let has_quotes = line.contains('"');
                 let mut is_quoted = false;
                 let mut rest = Some(line);

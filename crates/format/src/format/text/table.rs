@@ -162,7 +162,11 @@ impl Table {
                     return Ok(false);
                 }
                 let of_header = text_row(lines, *separator, numerals, names, slots, row);
-                let of_row = Separator::of(without_trailer(lines.text()));
+                let of_row = match Separator::of(without_trailer(lines.text())) {
+                    // Tabs may also be aligned.
+                    Separator::Tab => Separator::Space,
+                    other => other,
+                };
                 if of_header.is_err() && of_row != *separator {
                     // Rows may have other separators than the header above them.
                     if text_row(lines, of_row, numerals, names, slots, row).is_ok() {
@@ -260,7 +264,10 @@ fn text_row(
                 }
             },
         })?;
-        if count == slots.len() {
+        // The last tabs of a line are lost with the white space around it.
+        let may_end = separator == Separator::Tab && count < slots.len();
+        let is_optional = |slot: &Option<Slot>| slot.is_none_or(|slot| slot.may_be_empty);
+        if count == slots.len() || may_end && slots[count..].iter().all(is_optional) {
             return Ok(());
         }
         let expected = format!("{} as in the header ({})", slots.len(), names.join(", "));
@@ -382,11 +389,18 @@ mod tests {
             "x_m\ttime_s  other sigma_m\n# half way\n2 1 red 3",
             "# time_s, x_m, sigma_m\n1, 2, 3\n",
             "\"time_s\",\"x_m\",\"sigma_m\"\n1e0,+2.0,3\n\n",
+            "time_s\tx_m\tother\tsigma_m\n1\t2\t\t3\n",
+            "time_s\tx_m\tsigma_m\n1\t\t2\t\t3\n",
         ] {
             assert_eq!(rows(text).unwrap(), [[1.0, 2.0, 3.0]], "{text}");
         }
         assert!(rows("time_s,x_m\n1,2").unwrap()[0][2].is_nan());
-        assert!(rows("time_s,x_m,sigma_m\n1,2,\n").unwrap()[0][2].is_nan());
+        for text in [
+            "time_s,x_m,sigma_m\n1,2,\n",
+            "time_s\tx_m\tsigma_m\n1\t2\t\n",
+        ] {
+            assert!(rows(text).unwrap()[0][2].is_nan(), "{text}");
+        }
     }
 
     #[test]
