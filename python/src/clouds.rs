@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use boresight::format::{
-    CloudClock, CloudPoint, CloudRows, CloudShape, ExtraDimension, ExtraKind, create_cloud,
+    CloudClock, CloudPoint, CloudRows, CloudShape, ExtraDimension, ExtraKind, ExtraValue,
+    create_cloud,
 };
 use boresight::geometry::Vec3;
 use boresight::output::Staging;
@@ -32,13 +33,16 @@ struct Columns {
     points: Vec<Vec3>,
     time_s: Vec<f64>,
     intensity: Vec<f32>,
-    values: Vec<Vec<f64>>,
+    values: Vec<Vec<ExtraValue>>,
     dimensions: Vec<ExtraDimension>,
     wkt: Option<String>,
 }
 
 fn read(path: &Path, progress: &dyn Progress) -> Result<Columns> {
     let rows = CloudRows::open(path)?;
+    for remark in rows.remarks() {
+        progress.warn(&format!("{}: {remark}", path.display()));
+    }
     let (shape, points) = (rows.shape().clone(), rows.len() as usize);
     let mut columns = Columns {
         points: Vec::with_capacity(points),
@@ -91,10 +95,23 @@ fn read_cloud<'py>(
         let name = &dimension.name;
         match dimension.kind {
             ExtraKind::U32 => {
-                let whole: Vec<u32> = values.iter().map(|value| *value as u32).collect();
+                let whole = values.iter().map(|value| value.number() as u32);
+                let whole: Vec<u32> = whole.collect();
+                attributes.set_item(name, PyArray1::from_vec(py, whole))?;
+            }
+            // As in files that have no empty cells, the last integer stands for no value.
+            ExtraKind::I64 => {
+                let whole = values.iter().map(|v| v.signed().unwrap_or(i64::MIN));
+                let whole: Vec<i64> = whole.collect();
+                attributes.set_item(name, PyArray1::from_vec(py, whole))?;
+            }
+            ExtraKind::U64 => {
+                let whole = values.iter().map(|v| v.unsigned().unwrap_or(u64::MAX));
+                let whole: Vec<u64> = whole.collect();
                 attributes.set_item(name, PyArray1::from_vec(py, whole))?;
             }
             ExtraKind::F32 | ExtraKind::F64 => {
+                let values = values.iter().map(|value| value.number()).collect();
                 attributes.set_item(name, PyArray1::from_vec(py, values))?;
             }
         }
@@ -150,6 +167,7 @@ fn write_cloud<'py>(
     let shape = CloudShape {
         low: points.iter().fold(first, |low, point| low.inf(point)),
         high: points.iter().fold(first, |high, point| high.sup(point)),
+        median: None,
         grid: None,
         has_time: time_s.is_some(),
         clock: CloudClock::of_span(span_s.0, span_s.1),
@@ -165,11 +183,11 @@ fn write_cloud<'py>(
         whole(&path, |staged| {
             let stage = progress.stage("writing the cloud", points.len() as u64);
             let mut sink = create_cloud(staged, &shape)?;
-            let mut row = vec![f64::NAN; values.len()];
+            let mut row = vec![ExtraValue::NONE; values.len()];
             for (at, position) in points.iter().enumerate() {
                 row.iter_mut()
                     .zip(&values)
-                    .for_each(|(value, column)| *value = column[at]);
+                    .for_each(|(value, column)| *value = column[at].into());
                 sink.push(&CloudPoint {
                     position: *position,
                     time_s: time_s.map_or(f64::NAN, |times_s| times_s[at]),

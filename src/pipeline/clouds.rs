@@ -10,6 +10,7 @@ use crate::comparison::TimedPoint;
 use crate::error::{Error, Result};
 use crate::format::{
     self, CloudClock, CloudPoint, CloudShape, CloudSink, CloudWriter, ExtraDimension, ExtraKind,
+    ExtraValue,
 };
 use crate::geometry::{Bending, Vec3};
 use crate::georeference::Georeferencer;
@@ -116,17 +117,22 @@ impl Values {
         self.pose_sigma_m = sigma.map_or(f64::NAN, |sigma| sigma.position_m.norm());
     }
 
-    fn array(&self) -> [f64; 3] {
+    fn array(&self) -> [ExtraValue; 3] {
         let (scanner, profile) = (f64::from(self.scanner), f64::from(self.profile));
-        [scanner, profile, self.pose_sigma_m]
+        [scanner, profile, self.pose_sigma_m].map(ExtraValue::Number)
     }
 }
 
 /// The coordinate reference system of the world, which is that of the reference.
 fn wkt(project: &Project) -> Result<Option<String>> {
-    let reference = project.reference.as_ref();
-    let wkt = reference.map(|reference| format::crs_wkt(&reference.path));
-    Ok(wkt.transpose()?.flatten())
+    let Some(reference) = &project.reference else {
+        return Ok(None);
+    };
+    // The clouds are in metres, a system in feet is not theirs.
+    match format::unit_m(&reference.path)? {
+        Some(_) => Ok(None),
+        None => format::crs_wkt(&reference.path),
+    }
 }
 
 /// The properties of a drive's clouds that are known before their points are placed.

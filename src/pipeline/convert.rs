@@ -7,7 +7,7 @@ use serde_json::json;
 use super::Outcome;
 use super::profiles::warn_of_remarks;
 use crate::error::{Error, Location, Result};
-use crate::format::{self, CloudRows, Format, Input};
+use crate::format::{self, CloudRows, ExtraKind, Format, Input, LasLosses};
 use crate::geometry::{BodyAxes, BodyFromScanner, Projection};
 use crate::output::Staging;
 use crate::progress::Progress;
@@ -269,11 +269,33 @@ fn warn_of_local(poses: &[PoseRecord], with: &Conversion, progress: &dyn Progres
 /// Converts a cloud. LAS and LAZ are copied with all fields; otherwise clouds have positions, times, intensities and,
 /// if they come from LAS or LAZ, extra dimensions.
 fn cloud(input: &Input, output: &Path, format: Format, progress: &dyn Progress) -> Result<String> {
-    let rows = CloudRows::open(input)?;
-    let points = rows.len();
     let end = output.to_string_lossy().to_lowercase();
     let is_las = end.ends_with(".las") || end.ends_with(".laz");
+    // LAS holds the unit of the coordinate system; the other formats have metres.
+    let rows = if format.is_las() && is_las {
+        CloudRows::open_in_unit_of_file(input)?
+    } else {
+        CloudRows::open(input)?
+    };
     let is_copy = format.is_las() && is_las && !end.ends_with(".copc.laz");
+    let remarks = if is_copy {
+        rows.remarks_on_header()
+    } else {
+        rows.remarks().to_vec()
+    };
+    for remark in remarks {
+        progress.warn(&format!("{}: {remark}", input.path().display()));
+    }
+    let is_wide = |kind| matches!(kind, ExtraKind::I64 | ExtraKind::U64);
+    let wide = rows.shape().dimensions.iter().filter(|d| is_wide(d.kind));
+    let wide: Vec<&str> = wide.map(|dimension| dimension.name.as_str()).collect();
+    if end.ends_with(".ply") && !wide.is_empty() {
+        progress.warn(&format!(
+            "PLY has no integers of 64 bits: {} are written as double, which rounds them above 2^53",
+            wide.join(", ")
+        ));
+    }
+    let points = rows.len();
     let frame = format::describe_frame(input)?;
     if !is_copy && frame.contains("read as metres") {
         progress.warn(&format!("{}: {frame}", input.path().display()));
@@ -281,10 +303,6 @@ fn cloud(input: &Input, output: &Path, format: Format, progress: &dyn Progress) 
     if !is_copy && frame.contains("GeoTIFF keys") {
         progress
             .warn("the coordinate system is not written: it is given by GeoTIFF keys, not as WKT");
-    }
-    if is_las && !rows.has_whole_intensities() {
-        progress
-            .warn("intensities are rounded to whole numbers from 0 to 65535, as LAS holds them");
     }
     let left_out = match rows.left_out() {
         fields if !is_copy && !fields.is_empty() => {
@@ -296,9 +314,25 @@ fn cloud(input: &Input, output: &Path, format: Format, progress: &dyn Progress) 
     if is_copy {
         format::copy_las(input.path(), output, &[], &mut |_, _| Ok(true), progress)?;
     } else {
-        let mut sink = format::create_cloud(output, rows.shape())?;
-        rows.for_each(progress, &mut |point| sink.push(point))?;
+        let shape = rows.shape().clone();
+        let mut sink = format::create_cloud(output, &shape)?;
+        let mut losses = LasLosses::default();
+        rows.for_each(progress, &mut |point| {
+            let mut point = *point;
+            if is_las {
+                // What no point has is not a gap.
+                let time_s = if shape.has_time { point.time_s } else { 0.0 };
+                let intensity = if shape.has_intensity {
+                    point.intensity
+                } else {
+                    0.0
+                };
+                (point.time_s, point.intensity) = losses.filled(time_s, intensity);
+            }
+            sink.push(&point)
+        })?;
         sink.finish()?;
+        losses.warn(progress);
     }
     Ok(format!("{points} points{left_out}"))
 }

@@ -1,7 +1,7 @@
 //! The profile files of a scanner, opened for a trajectory.
 
 use crate::error::Result;
-use crate::format::{self, Input, ProfileReader};
+use crate::format::{self, CloudClock, Input, ProfileReader};
 use crate::progress::Progress;
 use crate::project::Scanner;
 use crate::sensor::{ScanPoint, start_between_s};
@@ -16,7 +16,8 @@ pub fn profile_inputs(scanner: &Scanner) -> Vec<Input> {
 }
 
 /// Opens the profile files of a scanner. If their clock started again, at midnight or at the end of the week, before they
-/// or the trajectory began, their times are shifted to those of the trajectory.
+/// or the trajectory began, their times are shifted to those of the trajectory. LAS with adjusted standard GPS time is on
+/// the clock of the trajectory.
 ///
 /// # Errors
 /// A file cannot be opened.
@@ -26,9 +27,10 @@ pub fn open_profiles(
     trajectory: &Trajectory,
 ) -> Result<Vec<Box<dyn ProfileReader>>> {
     let (first_s, last_s) = trajectory.span_s();
+    let clock = CloudClock::of_span(first_s, last_s);
     let open = |input: &Input| -> Result<Box<dyn ProfileReader>> {
         Ok(Box::new(Started {
-            profiles: format::open_profiles(input)?,
+            profiles: format::open_profiles_on(input, clock)?,
             input: input.clone(),
             span_s: [first_s, last_s].map(|time_s| time_s - scanner.time_offset_s),
             shift_s: None,

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::format::{CloudPoint, CloudShape, CloudSink, copc_sink};
+use crate::format::{CloudPoint, CloudShape, CloudSink, ExtraValue, copc_sink};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
@@ -194,7 +194,8 @@ impl CloudSink for TiledSink<'_> {
             .waiting
             .reserve(8 * (fields.len() + point.values.len()));
         self.held += spool.waiting.capacity() - before;
-        for value in fields.iter().chain(point.values) {
+        let values = point.values.iter().map(|value| value.number());
+        for value in fields.into_iter().chain(values) {
             spool.waiting.extend_from_slice(&value.to_le_bytes());
         }
         if spool.waiting.len() >= PIECE {
@@ -241,6 +242,7 @@ fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> 
     let mut file = BufReader::with_capacity(PIECE, File::open(path).map_err(failed)?);
     let mut record = vec![0; 8 * (5 + dimensions)];
     let mut values = vec![0.0; 5 + dimensions];
+    let mut extra = Vec::with_capacity(dimensions);
     loop {
         match file.read_exact(&mut record) {
             Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(()),
@@ -249,12 +251,14 @@ fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> 
         for (value, bytes) in values.iter_mut().zip(record.as_chunks().0) {
             *value = f64::from_le_bytes(*bytes);
         }
+        extra.clear();
+        extra.extend(values[5..].iter().map(|value| ExtraValue::Number(*value)));
         sink.push(&CloudPoint {
             position: Vec3::new(values[0], values[1], values[2]),
             time_s: values[3],
             // The intensity was stored from single precision.
             intensity: values[4] as f32,
-            values: &values[5..],
+            values: &extra,
         })?;
     }
 }
@@ -285,7 +289,7 @@ mod tests {
                     position: Vec3::new(f64::from(i) - 50.0, 3.0, 1.0),
                     time_s: f64::from(i),
                     intensity: 7.0,
-                    values: &[scanner as f64],
+                    values: &[ExtraValue::Number(scanner as f64)],
                 };
                 sink.push(&point).unwrap();
             }
@@ -318,7 +322,7 @@ mod tests {
                 position: Vec3::new(20.0 * (0.618 * at).fract(), 1e-3 * at, 0.1 * at.sin()),
                 time_s: at,
                 intensity: 7.0,
-                values: &[0.0],
+                values: &[ExtraValue::Number(0.0)],
             };
             sink.push(&point).unwrap();
             let held = sink.spools.values().map(|spool| spool.waiting.capacity());

@@ -45,13 +45,13 @@ pub fn change(
         settings: settings.clone(),
         memory_bytes,
     };
-    let wkt = format::crs_wkt(&comparison.reference)?;
     let distances = tiles::compare(&comparison, &staging, progress)?.m3c2;
+    let statistics = Statistics::of(&distances)?;
+    let reference = &comparison.reference;
+    cloud::write(&staging.path(CLOUD), &distances, reference, progress)?;
     for path in joined.iter().filter(|path| path.exists()) {
         std::fs::remove_file(path).map_err(|error| Error::io(path, error))?;
     }
-    let statistics = Statistics::of(&distances)?;
-    cloud::write(&staging.path(CLOUD), &distances, wkt, progress)?;
     let shown = Comparison {
         cloud: later.into(),
         reference: earlier.into(),

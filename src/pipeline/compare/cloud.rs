@@ -7,18 +7,23 @@ use crate::cloud::PointCloud;
 use crate::comparison::M3c2;
 use crate::error::Result;
 use crate::format::{self, ExtraDimension};
+use crate::geometry::Vec3;
 use crate::progress::Progress;
 
 /// Writes the core points in their order, with the results as extra dimensions; NaN if a result is
-/// unknown. `wkt` is the coordinate reference system of both clouds.
+/// unknown. `reference` gives the coordinate reference system, in whose unit the points are written.
 pub(super) fn write(
     path: &Path,
     distances: &M3c2,
-    wkt: Option<String>,
+    reference: &Path,
     progress: &dyn Progress,
 ) -> Result<()> {
+    let wkt = format::crs_wkt(reference)?;
+    let unit_m = format::unit_m(reference)?.unwrap_or(Vec3::repeat(1.0));
+    let points = distances.core.iter();
+    let points = points.map(|core| core.point.component_div(&unit_m));
     let cloud = PointCloud {
-        points: distances.core.iter().map(|core| core.point).collect(),
+        points: points.collect(),
         ..PointCloud::default()
     };
     let dimensions = COLUMNS.map(|c| ExtraDimension::new(c.name, c.kind, c.text));

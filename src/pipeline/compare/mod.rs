@@ -12,7 +12,6 @@ use serde_json::json;
 use super::{Options, Outcome, page};
 use crate::comparison::{Aggregation, ComparisonSettings, M3c2, Statistics};
 use crate::error::{Error, Result};
-use crate::format;
 use crate::output::Staging;
 use crate::progress::Progress;
 use crate::report;
@@ -37,12 +36,16 @@ pub fn compare(
     let settings = &comparison.settings;
     let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
     let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
-    let wkt = format::crs_wkt(&comparison.reference)?;
     let work = tiles::compare(comparison, &staging, progress)?;
     let statistics = Statistics::of(&work.m3c2)?;
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.m3c2)?;
-    cloud::write(&staging.path("m3c2.laz"), &work.m3c2, wkt, progress)?;
+    cloud::write(
+        &staging.path("m3c2.laz"),
+        &work.m3c2,
+        &comparison.reference,
+        progress,
+    )?;
     let page = report::render(&page::comparison(
         comparison,
         &work.m3c2,

@@ -24,19 +24,19 @@ use crate::geometry::Vec3;
 pub struct PointCloud {
     /// East, north, up, metres.
     pub points: Vec<Vec3>,
-    /// Seconds.
+    /// Seconds; NaN where a point has none, empty if no point has one.
     pub time_s: Vec<f64>,
-    /// As recorded.
+    /// As recorded; NaN where a point has none, empty if no point has one.
     pub intensity: Vec<f32>,
 }
 
 impl PointCloud {
-    /// Removes times and intensities if some points have none.
-    pub fn forget_incomplete(&mut self) {
-        if !self.time_s.iter().all(|time_s| time_s.is_finite()) {
+    /// Removes times and intensities if no point has one.
+    pub fn forget_absent(&mut self) {
+        if self.time_s.iter().all(|time_s| time_s.is_nan()) {
             self.time_s.clear();
         }
-        if !self.intensity.iter().all(|value| value.is_finite()) {
+        if self.intensity.iter().all(|value| value.is_nan()) {
             self.intensity.clear();
         }
     }

@@ -3,10 +3,8 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 
-use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::input::{Input, Stream};
-use crate::geometry::Vec3;
 
 /// A number type in a binary record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,41 +58,11 @@ impl Number {
     }
 }
 
-/// Indices of the x, y, z, intensity and time fields of a record.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Fields {
-    pub(crate) xyz: [Option<usize>; 3],
-    pub(crate) intensity: Option<usize>,
-    pub(crate) time: Option<usize>,
-}
-
-impl Fields {
-    /// Stores the `index` of a field if its `name` is that of a coordinate, the intensity or the time.
-    pub(crate) fn note(&mut self, name: &str, index: usize) {
-        match name.to_ascii_lowercase().as_str() {
-            "x" => self.xyz[0] = Some(index),
-            "y" => self.xyz[1] = Some(index),
-            "z" => self.xyz[2] = Some(index),
-            "intensity" | "scalar_intensity" => self.intensity = Some(index),
-            "time_s" | "gpstime" | "gps_time" | "scalar_gpstime" => self.time = Some(index),
-            _ => {}
-        }
-    }
-
-    /// Appends a record to a cloud, unless a coordinate is not finite: such a point was not
-    /// measured.
-    pub(crate) fn push(&self, values: &[f64], cloud: &mut PointCloud) {
-        let at = |index: Option<usize>| index.map(|i| values[i]);
-        let [Some(x), Some(y), Some(z)] = self.xyz.map(at) else {
-            return;
-        };
-        if !(x.is_finite() && y.is_finite() && z.is_finite()) {
-            return;
-        }
-        cloud.points.push(Vec3::new(x, y, z));
-        cloud.intensity.extend(at(self.intensity).map(|v| v as f32));
-        cloud.time_s.extend(at(self.time));
-    }
+/// `N` bytes of a record.
+pub(crate) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    let mut out = [0; N];
+    out.copy_from_slice(&bytes[at..at + N]);
+    out
 }
 
 /// The bytes of a file, read piece by piece.
@@ -103,7 +71,12 @@ pub(crate) struct Bytes {
     pub(crate) reader: BufReader<Stream>,
     pub(crate) at: u64,
     pub(crate) total: u64,
+    /// Whether lines end with a carriage return alone; unknown before the first line.
+    ends_with_return: Option<bool>,
 }
+
+/// Bytes of the longest line.
+const LONGEST_LINE: u64 = 1 << 16;
 
 impl Bytes {
     pub(crate) fn open(input: &Input) -> Result<Self> {
@@ -113,6 +86,7 @@ impl Bytes {
             reader: BufReader::with_capacity(1 << 18, file),
             at: 0,
             total,
+            ends_with_return: None,
         })
     }
 
@@ -144,21 +118,64 @@ impl Bytes {
         Ok(())
     }
 
-    /// A line of text without its end; an error if the file ends before the line does or if it is
-    /// not text.
+    /// A line of text without its end, which is that of the first line: a line feed, a carriage return or both. An
+    /// error if the file ends before the line does.
     pub(crate) fn line(&mut self) -> Result<String> {
+        let line = self.raw_line()?;
+        let text = std::str::from_utf8(&line).map(|text| text.trim_ascii().to_owned());
+        text.map_err(|_| self.error("bytes that are not text", "a line of text"))
+    }
+
+    /// As [`Self::line`], with marks in place of bytes that are not UTF-8.
+    pub(crate) fn line_of_any_text(&mut self) -> Result<String> {
+        let line = self.raw_line()?;
+        Ok(String::from_utf8_lossy(&line).trim_ascii().to_owned())
+    }
+
+    fn raw_line(&mut self) -> Result<Vec<u8>> {
+        let end = if self.ends_with_return == Some(true) {
+            b'\r'
+        } else {
+            b'\n'
+        };
         let mut line = Vec::new();
-        let read = (&mut self.reader)
-            .take(1 << 16)
-            .read_until(b'\n', &mut line)
-            .map_err(|e| Error::io(&self.path, e))?;
-        if read == 0 {
+        if self.ends_with_return.is_none() {
+            self.read_first_line(&mut line)?;
+        } else {
+            (&mut self.reader)
+                .take(LONGEST_LINE)
+                .read_until(end, &mut line)
+                .map_err(|e| Error::io(&self.path, e))?;
+        }
+        if line.is_empty() {
             return Err(self.error("the end of the file", "a line of text"));
         }
-        let text = std::str::from_utf8(&line)
-            .map(|text| text.trim_ascii().to_owned())
-            .map_err(|_| self.error("bytes that are not text", "a line of text"))?;
-        self.at += read as u64;
-        Ok(text)
+        self.at += line.len() as u64;
+        Ok(line)
+    }
+
+    /// Reads the first line, and finds out how lines end.
+    fn read_first_line(&mut self, line: &mut Vec<u8>) -> Result<()> {
+        loop {
+            let buffered = self.reader.fill_buf();
+            let Some(byte) = buffered
+                .map_err(|e| Error::io(&self.path, e))?
+                .first()
+                .copied()
+            else {
+                break;
+            };
+            if line.last() == Some(&b'\r') && byte != b'\n' {
+                self.ends_with_return = Some(true);
+                return Ok(());
+            }
+            self.reader.consume(1);
+            line.push(byte);
+            if byte == b'\n' || line.len() as u64 == LONGEST_LINE {
+                break;
+            }
+        }
+        self.ends_with_return = Some(false);
+        Ok(())
     }
 }

@@ -1,12 +1,13 @@
 //! Detection of file formats: by content, then by name.
 
+use super::compressed::without_extension;
 use super::file::{extension, nothing_in};
 use super::input::{Input, PARQUET};
 use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::parquet;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::{pts, table as cloud_table};
+use crate::format::cloud::{headerless, pts, table as cloud_table};
 use crate::format::log::positions;
 use crate::format::poses::tum;
 use crate::format::text::lines::{Lines, Separator, numbers};
@@ -39,7 +40,7 @@ fn by_content(input: &Input) -> Result<&'static Kind> {
         return by_parquet(input);
     }
     // The content is ambiguous: the extension decides if it is known, and its reader reports errors.
-    let extension = extension(input.path());
+    let extension = extension(&without_extension(input.path()));
     let is_named = |kind: &&&Kind| kind.extensions.contains(&extension.as_str());
     match KINDS.iter().find(is_named) {
         Some(kind) => Ok(kind),
@@ -97,14 +98,16 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
             (1, 0) => single = 1,
             (1, _) => return Ok(&pts::PTX),
             (3.., 1) => return Ok(&pts::PTS),
-            (3.., _) if extension(input.path()) == "xyz" => return Ok(&cloud_table::XYZ),
+            (3.., _) if extension(&without_extension(input.path())) == "xyz" => {
+                return lines_of_xyz(input);
+            }
             (3.., _) => {
                 let fits = |kind: &&&Kind| kind.numbers.is_some_and(|fit| fit(&cells));
                 if let Some(kind) = KINDS.iter().find(fits) {
                     return Ok(kind);
                 }
                 refuse_matrix(input, &mut lines, cells)?;
-                return Ok(&cloud_table::XYZ);
+                return lines_of_xyz(input);
             }
             (n, _) => {
                 return Err(lines.error(
@@ -115,6 +118,42 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
         }
     }
     Err(nothing_in(input.path(), "line of data"))
+}
+
+/// The error of a table without a header whose first columns are not coordinates; `None` for other files.
+///
+/// # Errors
+/// A file that cannot be read as text.
+pub(super) fn other_table(input: &Input) -> Result<Option<Error>> {
+    let mut lines = Lines::open(input)?;
+    let mut rows = Vec::new();
+    let mut has_commas = false;
+    while rows.len() < headerless::ROWS && lines.advance()? {
+        let text = lines.text();
+        let mut cells = Vec::new();
+        if text.is_empty() || text.starts_with('#') {
+            continue;
+        }
+        if !numbers(text, &mut cells) {
+            break;
+        }
+        has_commas |= Separator::of(text) == Separator::Comma;
+        rows.push(cells);
+    }
+    let found = headerless::other_than_xyz(&rows, has_commas);
+    Ok(found.map(|found| {
+        Error::format(
+            input.path(),
+            Location::Whole,
+            format!("a table without a header that looks like {found}"),
+            "lines that begin with x y z, or a header that names the columns",
+        )
+    }))
+}
+
+/// The format of lines of x y z, if the table without a header is not another one.
+fn lines_of_xyz(input: &Input) -> Result<&'static Kind> {
+    other_table(input)?.map_or(Ok(&cloud_table::XYZ), Err)
 }
 
 /// An error if the file is a 4 by 4 matrix.

@@ -6,6 +6,7 @@ use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use super::compressed;
 use super::file::file_of;
 use crate::error::{Error, Location, Result};
 
@@ -20,6 +21,8 @@ pub struct Input(Arc<Content>);
 struct Content {
     path: PathBuf,
     excerpt: Option<Excerpt>,
+    /// The content of a compressed file.
+    unpacked: OnceLock<Excerpt>,
     detected: OnceLock<usize>,
     remarks: Arc<Mutex<Vec<String>>>,
     point_times: PointTimes,
@@ -54,6 +57,7 @@ impl Input {
         Self(Arc::new(Content {
             path: path.to_owned(),
             excerpt,
+            unpacked: OnceLock::new(),
             detected: OnceLock::new(),
             remarks,
             point_times: PointTimes::default(),
@@ -132,7 +136,7 @@ impl Input {
             }
             None => {
                 let (file, size) = open_file(path)?;
-                (Stream::File(file), size)
+                self.unpacked(file, size)?
             }
         };
         if size == 0 {
@@ -146,6 +150,19 @@ impl Input {
         Ok((stream, size))
     }
 
+    /// The content of a file of this size, unpacked in memory if it is compressed with gzip or Zstandard.
+    fn unpacked(&self, mut file: File, size: u64) -> Result<(Stream, u64)> {
+        if self.0.unpacked.get().is_none() {
+            let Some(content) = compressed::unpack(self.path(), &mut file, size)? else {
+                return Ok((Stream::File(file), size));
+            };
+            let _ = self.0.unpacked.set(Excerpt(content.into()));
+        }
+        let content = self.0.unpacked.get().cloned().unwrap_or(Excerpt([].into()));
+        let size = content.0.len() as u64;
+        Ok((Stream::Excerpt(Cursor::new(content)), size))
+    }
+
     /// The file itself, for decoders that need one; also its size in bytes.
     ///
     /// # Errors
@@ -157,8 +174,8 @@ impl Input {
             (Stream::Excerpt(_), _) => Err(Error::format(
                 self.path(),
                 Location::Whole,
-                "an excerpt in memory",
-                "a whole file",
+                "a compressed file or an excerpt in memory",
+                "a whole file that is not compressed",
             )),
         }
     }
@@ -222,6 +239,12 @@ impl fmt::Debug for Input {
 pub(crate) enum Stream {
     File(File),
     Excerpt(Cursor<Excerpt>),
+}
+
+impl Stream {
+    pub(crate) fn in_memory(bytes: Vec<u8>) -> Self {
+        Self::Excerpt(Cursor::new(Excerpt(bytes.into())))
+    }
 }
 
 impl Read for Stream {

@@ -9,6 +9,7 @@
 
 mod binary;
 mod cloud;
+mod compressed;
 mod detect;
 mod extents;
 mod file;
@@ -37,9 +38,10 @@ mod text;
 pub use cloud::core_points::{CorePoints, read_core_points};
 pub use cloud::create::{create_cloud, is_cloud_name};
 pub use cloud::e57_out::e57_sink;
+pub use cloud::gathering::ReadCloud;
 pub use cloud::ply_out::ply_sink;
 pub use cloud::rows::CloudRows;
-pub use cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
+pub use cloud::sink::{CLOUD_STEP_M, CloudClock, CloudPoint, CloudShape, CloudSink};
 pub use cloud::table::write_cloud_table;
 pub use detect::detect;
 pub use extents::Extent;
@@ -50,8 +52,10 @@ pub use inspect::{Bounds, Gap, Inspection, inspect};
 pub use kind::Format;
 pub use las::copc::copc_sink;
 pub use las::extra::{ExtraDimension, ExtraKind, Row, cloud_to_las, copy_las};
-pub use las::points::{las_count, stream_las};
-pub use las::writer::{CLOUD_STEP_M, CloudWriter};
+pub use las::losses::LasLosses;
+pub use las::points::{las_count, las_remarks, stream_las};
+pub use las::value::ExtraValue;
+pub use las::writer::CloudWriter;
 pub use log::frame_log::read_frame_log;
 pub use log::positions::write_positions;
 pub use log::sbg::Arriving as ArrivingSbg;
@@ -66,9 +70,11 @@ pub use profiles::bonn::BonnWriter;
 pub use profiles::gocator_stream;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
+pub use plausible::{MOST_COORDINATE_M, MOST_TIME_S};
 pub use read::{
-    crs_wkt, describe_frame, open_profiles, read_cloud, read_heading, read_imu, read_positions,
-    read_projected_positions, read_projected_trajectory, read_trajectory,
+    crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_cloud_with_remarks,
+    read_heading, read_imu, read_positions, read_projected_positions, read_projected_trajectory,
+    read_trajectory, unit_m,
 };
 pub use recorded::{
     Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,

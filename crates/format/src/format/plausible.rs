@@ -6,57 +6,78 @@ use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
 
 /// No clock of a sensor shows more seconds: 1e11 s after 1970 is the year 5138.
-const LATEST_S: f64 = 1e11;
+pub const MOST_TIME_S: f64 = 1e11;
 /// No place on Earth has larger coordinates in any system in metres, false eastings of zones included.
-const FARTHEST_M: f64 = 1e9;
+pub const MOST_COORDINATE_M: f64 = 1e9;
 /// Dates since 1973, for times since 1970.
 const EARLIEST_DATE_S: f64 = 1e8;
 
 /// The unit of a time, seconds: 1 unless it is too large for seconds and a date in another unit.
 pub(crate) fn unit_of_date(time: f64) -> f64 {
-    if time.abs() <= LATEST_S {
+    if time.abs() <= MOST_TIME_S {
         return 1.0;
     }
-    let is_date = |unit: &f64| (EARLIEST_DATE_S..LATEST_S).contains(&(time.abs() * unit));
+    let is_date = |unit: &f64| (EARLIEST_DATE_S..MOST_TIME_S).contains(&(time.abs() * unit));
     [1e-3, 1e-6, 1e-9].into_iter().find(is_date).unwrap_or(1.0)
 }
 
-/// Checks the time of a record.
+/// Checks the time of a record; NaN stands for none.
 ///
 /// # Errors
 /// It is too large for seconds.
 pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
-    if time_s.abs() > LATEST_S {
-        let unit = match unit_of_date(time_s) {
-            1e-3 => ": milliseconds?",
-            1e-6 => ": microseconds?",
-            1e-9 => ": nanoseconds?",
-            _ => "",
-        };
-        return Err(Error::format(
-            path,
-            Location::Whole,
-            format!("a time of {time_s:e} s{unit}"),
-            "times in seconds, below 1e11; in a table, a time column named for its unit (`time_ns`)",
-        ));
-    }
-    Ok(())
+    time_fits(path, time_s, "")
 }
 
-/// Checks the coordinates of a point.
+/// Checks the coordinates of a record.
 ///
 /// # Errors
 /// One is too large for metres.
 pub(crate) fn check_place(path: &Path, place_m: &Vec3) -> Result<()> {
-    if place_m.amax() > FARTHEST_M {
-        return Err(Error::format(
-            path,
-            Location::Whole,
-            format!("a coordinate of {:e} m", place_m.amax()),
-            "coordinates in metres, below 1e9: is the first column a time?",
-        ));
+    place_fits(path, place_m, "")
+}
+
+/// Checks coordinates and time of a point, counted from 0; NaN stands for no time.
+///
+/// # Errors
+/// A coordinate or the time is too large.
+pub(crate) fn check_point(path: &Path, index: u64, point: &Vec3, time_s: f64) -> Result<()> {
+    if point.amax() <= MOST_COORDINATE_M && !(time_s.abs() > MOST_TIME_S) {
+        return Ok(());
     }
-    Ok(())
+    let which = format!(" at point {index}");
+    place_fits(path, point, &which)?;
+    time_fits(path, time_s, &which)
+}
+
+fn time_fits(path: &Path, time_s: f64, which: &str) -> Result<()> {
+    if !(time_s.abs() > MOST_TIME_S) {
+        return Ok(());
+    }
+    let unit = match unit_of_date(time_s) {
+        1e-3 => ": milliseconds?",
+        1e-6 => ": microseconds?",
+        1e-9 => ": nanoseconds?",
+        _ => "",
+    };
+    Err(Error::format(
+        path,
+        Location::Whole,
+        format!("a time of {time_s:e} s{which}{unit}"),
+        "times in seconds, below 1e11; in a table, a time column named for its unit (`time_ns`)",
+    ))
+}
+
+fn place_fits(path: &Path, place_m: &Vec3, which: &str) -> Result<()> {
+    let Some(coordinate) = place_m.iter().find(|v| v.abs() > MOST_COORDINATE_M) else {
+        return Ok(());
+    };
+    Err(Error::format(
+        path,
+        Location::Whole,
+        format!("a coordinate of {coordinate:e} m{which}"),
+        "coordinates in metres, below 1e9: is the first column a time?",
+    ))
 }
 
 #[cfg(test)]

@@ -3,22 +3,26 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::detect::detect;
+use super::detect::{detect, other_table};
 use super::file::nothing_in;
 use super::input::Input;
 use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
-use super::plausible::{check_place, check_time};
+use super::plausible::{check_place, check_point, check_time};
 use super::recorded::{SensorClock, sensor_clock, station_times};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::{ReadCloud, gaps};
+use crate::format::cloud::sink::CloudClock;
 use crate::format::cloud::table as cloud_table;
+use crate::format::las::file::LasFile;
 use crate::format::log::{positions, tables as native};
 use crate::format::poses::order::in_time_order;
 use crate::format::poses::{sbet, table as pose_table};
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::profiles::table as profile;
-use crate::geometry::{BodyAxes, Projection};
+use crate::format::text::civil::adjusted_gps_from_unix_s;
+use crate::geometry::{BodyAxes, Projection, Vec3};
 use crate::sensor::{
     HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, Timed, project_fixes,
 };
@@ -208,29 +212,42 @@ fn unprojected(path: &Path) -> Error {
     )
 }
 
-/// Reads a cloud. Points marked as not measured are left out; times and intensities are returned only if every
-/// point has them.
+/// Reads a cloud as [`read_cloud_with_remarks`] does.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another format, or without points.
+/// Those of [`read_cloud_with_remarks`].
 pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
+    read_cloud_with_remarks(input).map(|read| read.cloud)
+}
+
+/// Reads a cloud, with remarks on what its file holds that is not in it. Points marked as not measured are left out.
+///
+/// # Errors
+/// A file that is missing, damaged, of another format, or without points; coordinates and times beyond
+/// [`MOST_COORDINATE_M`] and [`MOST_TIME_S`].
+pub fn read_cloud_with_remarks(input: impl Into<Input>) -> Result<ReadCloud> {
     let input = &input.into();
-    let mut cloud = reader(
+    if detect(input).is_err()
+        && let Ok(Some(error)) = other_table(input)
+    {
+        // The reader of the native table would say less.
+        return Err(error);
+    }
+    let mut read = reader(
         input,
         "a cloud",
         |kind| kind.cloud,
         &cloud_table::CLOUD_TABLE,
     )?(input)?;
+    let cloud = &read.cloud;
     if cloud.points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
     }
-    for point in &cloud.points {
-        check_place(input.path(), point)?;
+    read.remarks.extend(gaps(cloud));
+    let times = cloud.time_s.iter().copied().chain(std::iter::repeat(0.0));
+    for (number, (point, time_s)) in cloud.points.iter().zip(times).enumerate() {
+        check_point(input.path(), number as u64, point, time_s)?;
     }
-    for time_s in &cloud.time_s {
-        check_time(input.path(), *time_s)?;
-    }
-    cloud.forget_incomplete();
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(
             input.path(),
@@ -239,7 +256,7 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
             format!("{} at most: thin the cloud", u32::MAX),
         ));
     }
-    Ok(cloud)
+    Ok(read)
 }
 
 /// The coordinate reference system of a cloud file, as WKT; `None` if the file names none.
@@ -252,6 +269,20 @@ pub fn crs_wkt(input: impl Into<Input>) -> Result<Option<String>> {
         Some(reader) => reader(input),
         None => Ok(None),
     }
+}
+
+/// The metres of a step east, north and up in a LAS or LAZ file whose coordinates are converted to metres; `None` if
+/// they are metres, and for files of other formats.
+///
+/// # Errors
+/// A file that is missing or damaged.
+pub fn unit_m(input: impl Into<Input>) -> Result<Option<Vec3>> {
+    let input = &input.into();
+    if !detect(input).is_ok_and(Format::is_las) {
+        return Ok(None);
+    }
+    let file = LasFile::reopen(input)?;
+    Ok(file.converted().map(|(_, metres)| metres))
 }
 
 /// Units and frame of a file's content, and whether the file states them or they are assumed, in one line.
@@ -279,6 +310,48 @@ pub fn open_profiles(input: impl Into<Input>) -> Result<Box<dyn ProfileReader>> 
         clock: sensor_clock(input)?,
         path: input.path().to_owned(),
     }))
+}
+
+/// Opens a recording as [`open_profiles`] does, for poses on this clock: LAS with adjusted standard GPS time, which is
+/// read as Unix time, is converted back if the poses have adjusted standard GPS time, too.
+///
+/// # Errors
+/// Those of [`open_profiles`].
+pub fn open_profiles_on(
+    input: impl Into<Input>,
+    clock: CloudClock,
+) -> Result<Box<dyn ProfileReader>> {
+    let input = &input.into();
+    let profiles = open_profiles(input)?;
+    let is_converted = clock == CloudClock::AdjustedGps
+        && detect(input).is_ok_and(Format::is_las)
+        && LasFile::reopen(input)?.has_adjusted_gps_time();
+    Ok(if is_converted {
+        Box::new(OnAdjustedGps(profiles))
+    } else {
+        profiles
+    })
+}
+
+/// Profiles with Unix times that are converted to adjusted standard GPS time.
+struct OnAdjustedGps(Box<dyn ProfileReader>);
+
+impl ProfileReader for OnAdjustedGps {
+    fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
+        let is_more = self.0.next_chunk(into)?;
+        for point in into {
+            point.time_s = adjusted_gps_from_unix_s(point.time_s);
+        }
+        Ok(is_more)
+    }
+
+    fn bytes_read(&self) -> u64 {
+        self.0.bytes_read()
+    }
+
+    fn bytes_total(&self) -> u64 {
+        self.0.bytes_total()
+    }
 }
 
 /// Profiles of a scanner, of a recorded one with times on the common clock of its recording.
@@ -314,7 +387,7 @@ impl ProfileReader for OnCommonTime {
 mod tests {
     use super::*;
     use crate::format::write_sbet;
-    use crate::geometry::{Rotation, Vec3, WorldFromBody};
+    use crate::geometry::{Rotation, WorldFromBody};
 
     #[test]
     fn geographic_poses_take_the_axes_of_the_body() {

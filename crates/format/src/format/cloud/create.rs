@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::cloud::sink_checks::{check_position, plain_names};
+use crate::format::las::value::ExtraValue;
 use crate::format::las::writer::CloudWriter;
 use crate::format::log::tables::TableWriter;
 use crate::format::{copc_sink, e57_sink, parquet_sink, ply_sink};
@@ -91,10 +92,10 @@ impl CloudSink for TableSink {
         let p = point.position;
         let time_s = self.has_time.then_some(point.time_s);
         let intensity = self.has_intensity.then(|| f64::from(point.intensity));
-        let value = |at: usize| point.values.get(at).copied().unwrap_or(f64::NAN);
+        let value = |at: usize| point.values.get(at).copied().unwrap_or(ExtraValue::NONE);
         let values = (0..self.dimensions).map(value);
         let cells = [p.x, p.y, p.z].into_iter().chain(time_s).chain(intensity);
-        self.sheet.row(cells.chain(values))
+        self.sheet.row(cells.map(ExtraValue::Number).chain(values))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -3,10 +3,10 @@
 use std::io::BufReader;
 use std::path::Path;
 
-use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::binary::Number;
 use crate::format::cloud::crs;
+use crate::format::cloud::gathering::{Gathering, ReadCloud};
 use crate::format::file::guarded;
 use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind};
@@ -56,7 +56,8 @@ fn describe_frame(input: &Input) -> Result<String> {
     let system = guarded(input.path(), "E57", || {
         let reader = e57::E57Reader::new(BufReader::new(file))
             .map_err(|e| problem(input.path(), chain(&e)))?;
-        Ok(reader.coordinate_metadata().and_then(crs::describe))
+        let text = reader.coordinate_metadata();
+        Ok(text.and_then(|text| crs::describe(text, "but read as metres")))
     })?;
     let system = system.map_or_else(
         || "axes of the file, taken for the world".to_owned(),
@@ -67,13 +68,14 @@ fn describe_frame(input: &Input) -> Result<String> {
     ))
 }
 
-/// Calls `take` with every measured point and its intensity (0 if a scan has none).
-pub(crate) fn for_each(input: &Input, mut take: impl FnMut(Vec3, f32)) -> Result<()> {
+pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
     let (file, size) = open(input)?;
+    let mut gathering = Gathering::default();
+    let mut names = Vec::new();
     guarded(input.path(), "E57", || {
         let mut reader = e57::E57Reader::new(BufReader::new(file))
             .map_err(|e| problem(input.path(), chain(&e)))?;
-        for scan in reader.pointclouds() {
+        for (number, scan) in reader.pointclouds().iter().enumerate() {
             // A point takes at least one bit, unless all points are the same.
             if scan.records > size.saturating_mul(8) {
                 return Err(problem(
@@ -81,49 +83,74 @@ pub(crate) fn for_each(input: &Input, mut take: impl FnMut(Vec3, f32)) -> Result
                     format!("{} points in a file of {size} bytes", scan.records),
                 ));
             }
-            let world_from_scanner = scan_pose(input.path(), &scan)?;
+            let world_from_scanner = scan_pose(input.path(), number, scan)?;
             let mut points = reader
-                .pointcloud_simple(&scan)
+                .pointcloud_simple(scan)
                 .map_err(|e| problem(input.path(), chain(&e)))?;
+            for record in &scan.prototype {
+                if let Some(name) = left_out(&record.name).filter(|name| !names.contains(name)) {
+                    names.push(name);
+                }
+            }
             points.apply_pose(false);
             points.normalize_intensity(false);
             points.normalize_color(false);
             points.intensity_to_color(false);
             for point in points {
                 let point = point.map_err(|e| problem(input.path(), chain(&e)))?;
-                if let e57::CartesianCoordinate::Valid { x, y, z } = point.cartesian {
-                    let p = world_from_scanner.map(&Vec3::new(x, y, z));
-                    if p.iter().all(|v| v.is_finite()) {
-                        take(p, point.intensity.unwrap_or(0.0));
-                    }
+                let p = match point.cartesian {
+                    e57::CartesianCoordinate::Valid { x, y, z } => Vec3::new(x, y, z),
+                    _ => Vec3::repeat(f64::NAN),
+                };
+                if p == Vec3::zeros() {
+                    gathering.skip_at_scanner();
+                    continue;
                 }
+                let intensity = point.intensity.map_or(f64::NAN, f64::from);
+                gathering.push(world_from_scanner.map(&p), f64::NAN, intensity);
             }
         }
         Ok(())
-    })
-}
-
-pub(crate) fn read(input: &Input) -> Result<PointCloud> {
-    let mut cloud = PointCloud::default();
-    for_each(input, |p, intensity| {
-        cloud.points.push(p);
-        cloud.intensity.push(intensity);
     })?;
-    if cloud.intensity.iter().all(|v| *v == 0.0) {
-        cloud.intensity.clear();
+    if !names.is_empty() {
+        gathering.remark(format!("the attributes {} are left out", names.join(", ")));
     }
-    Ok(cloud)
+    Ok(gathering.finish())
 }
 
-fn scan_pose(path: &Path, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
+/// The name of an attribute of points that is not read.
+fn left_out(name: &e57::RecordName) -> Option<String> {
+    use e57::RecordName::{ColorBlue, ColorGreen, ColorRed, TimeStamp, Unknown};
+    match name {
+        ColorRed | ColorGreen | ColorBlue => Some("color".to_owned()),
+        TimeStamp => Some("timeStamp".to_owned()),
+        Unknown { namespace, name } => Some(format!("{namespace}:{name}")),
+        _ => None,
+    }
+}
+
+/// The pose of a scan, counted from 0.
+fn scan_pose(path: &Path, number: usize, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
     let Some(t) = &scan.transform else {
         return Ok(WorldFromScanner::identity());
     };
     let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
     if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
-        return Err(problem(
+        let name = scan.name.as_deref().map(|name| format!(" `{name}`"));
+        return Err(Error::format(
             path,
-            format!("a pose with a quaternion of length {}", q.norm()),
+            Location::Whole,
+            format!(
+                "the quaternion ({}, {}, {}, {}) of length {} in the pose of scan {}{}",
+                q.w,
+                q.i,
+                q.j,
+                q.k,
+                q.norm(),
+                number + 1,
+                name.unwrap_or_default()
+            ),
+            "a unit quaternion (w, x, y, z), as a rotation is in E57; (1, 0, 0, 0) turns nothing",
         ));
     }
     let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);

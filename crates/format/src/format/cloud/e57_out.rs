@@ -13,6 +13,7 @@ use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::cloud::sink_checks::{check_position, plain_names};
 use crate::format::file::guarded;
 use crate::format::las::extra::{ExtraDimension, ExtraKind};
+use crate::format::las::value::ExtraValue;
 
 /// Points passed to the encoder at a time, and most batches that wait for it.
 const BATCH: usize = 4096;
@@ -118,6 +119,14 @@ fn prototype(shape: &CloudShape, names: &[String]) -> Vec<Record> {
             ExtraKind::U32 => RecordDataType::Integer {
                 min: 0,
                 max: i64::from(u32::MAX),
+            },
+            ExtraKind::I64 => RecordDataType::Integer {
+                min: i64::MIN,
+                max: i64::MAX,
+            },
+            ExtraKind::U64 => RecordDataType::Integer {
+                min: 0,
+                max: i64::MAX,
             },
         };
         records.push(record(name, data_type));
@@ -244,12 +253,14 @@ impl CloudSink for E57Sink {
             values.push(RecordValue::Single(point.intensity));
         }
         for (at, dimension) in self.dimensions.iter().enumerate() {
-            let value = point.values.get(at).copied().unwrap_or(f64::NAN);
+            let value = point.values.get(at).copied().unwrap_or(ExtraValue::NONE);
             values.push(match dimension.kind {
-                ExtraKind::F32 => RecordValue::Single(value as f32),
-                ExtraKind::F64 => RecordValue::Double(value),
+                ExtraKind::F32 => RecordValue::Single(value.number() as f32),
+                ExtraKind::F64 => RecordValue::Double(value.number()),
                 // `as` saturates and converts NaN to 0.
-                ExtraKind::U32 => RecordValue::Integer(i64::from(value as u32)),
+                ExtraKind::U32 => RecordValue::Integer(i64::from(value.number() as u32)),
+                ExtraKind::I64 => RecordValue::Integer(value.signed().unwrap_or(i64::MIN)),
+                ExtraKind::U64 => RecordValue::Integer(value.signed().unwrap_or(i64::MAX)),
             });
         }
         self.batch.push(values);
@@ -303,7 +314,7 @@ impl Identity {
         self.0[2].update(&point.time_s.to_le_bytes());
         self.0[3].update(&point.intensity.to_le_bytes());
         for v in point.values {
-            self.0[3].update(&v.to_le_bytes());
+            self.0[3].update(&v.number().to_le_bytes());
         }
     }
 

@@ -1,10 +1,12 @@
-//! NumPy `.npy`: little-endian float32 or float64 of shape (n, 3) in C order.
+//! NumPy `.npy`: an array of shape (n, 3 or more) or (3, n), or records with the fields x, y and z.
 
-use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
+use crate::format::cloud::fields::Fields;
+use crate::format::cloud::gathering::{Gathering, ReadCloud, unnamed};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::text::lines::MOST_COLUMNS;
 use crate::geometry::Vec3;
 
 pub(crate) const NPY: Kind = Kind {
@@ -17,7 +19,26 @@ pub(crate) const NPY: Kind = Kind {
     ..Kind::new("npy", "cloud (NumPy)")
 };
 
-pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+/// Most bytes of a header: structured types of a thousand fields have less.
+const MOST_HEADER: usize = 1 << 16;
+
+/// A number in memory order.
+#[derive(Clone, Copy)]
+struct Item {
+    kind: Number,
+    big_endian: bool,
+}
+
+/// The description of the array.
+struct Header {
+    /// Names and types of the fields; one without a name if the array has no fields.
+    fields: Vec<(String, Item)>,
+    is_structured: bool,
+    is_fortran: bool,
+    shape: Vec<u64>,
+}
+
+pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
     let mut bytes = Bytes::open(input)?;
     let mut head = [0; 8];
     bytes.take(&mut head, "the start of an .npy file")?;
@@ -34,39 +55,170 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
         u32::from_le_bytes(size) as usize
     };
     bytes.check(length as u64, "the header")?;
-    let mut header = vec![0; length];
-    bytes.take(&mut header, "the header")?;
-    let header = String::from_utf8_lossy(&header).into_owned();
+    let mut text = vec![0; length.min(MOST_HEADER)];
+    bytes.take(&mut text, "the header")?;
+    let text = String::from_utf8_lossy(&text).into_owned();
     let unsupported = |bytes: &Bytes| {
-        let found: String = header.trim().chars().take(200).collect();
+        let found: String = text.trim().chars().take(200).collect();
         bytes.error(
             format!("`{found}`"),
-            "'<f8' or '<f4' of shape (n, 3) with 'fortran_order': False",
+            "numbers of shape (n, 3) or with more columns or of shape (3, n), or records of shape (n,) with x, y and z",
         )
     };
-    let kind = if header.contains("'<f8'") {
-        Number::F64
-    } else if header.contains("'<f4'") {
-        Number::F32
-    } else {
-        return Err(unsupported(&bytes));
-    };
-    let shape = header
-        .split_once("'shape': (")
-        .and_then(|(_, rest)| rest.split_once(", 3)"))
-        .and_then(|(n, _)| n.parse::<u64>().ok());
-    let (Some(n), true) = (shape, header.contains("'fortran_order': False")) else {
-        return Err(unsupported(&bytes));
-    };
-    bytes.check(n.saturating_mul(3 * kind.size() as u64), "coordinates")?;
-    let mut cloud = PointCloud::default();
-    let mut record = vec![0; 3 * kind.size()];
-    for _ in 0..n {
-        bytes.take(&mut record, "a point")?;
-        let p = Vec3::from_fn(|i, _| kind.read(&record[i * kind.size()..], false));
-        if p.iter().all(|v| v.is_finite()) {
-            cloud.points.push(p);
+    let header = header(&text).ok_or_else(|| unsupported(&bytes))?;
+    match (header.is_structured, header.shape.as_slice()) {
+        (true, [n]) => records(&mut bytes, &header, *n, unsupported),
+        (false, [rows, columns]) if *columns >= 3 || *rows == 3 => {
+            table(&mut bytes, &header, [*rows, *columns])
         }
+        _ => Err(unsupported(&bytes)),
     }
-    Ok(cloud)
+}
+
+/// Reads records with x, y and z among their fields.
+fn records(
+    bytes: &mut Bytes,
+    header: &Header,
+    n: u64,
+    unsupported: impl Fn(&Bytes) -> crate::error::Error,
+) -> Result<ReadCloud> {
+    let names: Vec<String> = header.fields.iter().map(|(name, _)| name.clone()).collect();
+    let types: Vec<Number> = header.fields.iter().map(|(_, item)| item.kind).collect();
+    let fields = Fields::of(&names, &types).ok_or_else(|| unsupported(bytes))?;
+    let length: usize = types.iter().map(|kind| kind.size()).sum();
+    bytes.check(n.saturating_mul(length as u64), "records")?;
+    let mut gathering = Gathering::default();
+    let mut record = vec![0; length];
+    let mut values = vec![0.0; types.len()];
+    for _ in 0..n {
+        bytes.take(&mut record, "a record")?;
+        let mut at = 0;
+        for (value, (_, item)) in values.iter_mut().zip(&header.fields) {
+            *value = item.kind.read(&record[at..], item.big_endian);
+            at += item.kind.size();
+        }
+        fields.push(&values, &mut gathering);
+    }
+    Ok(fields.finish(gathering))
+}
+
+/// Reads an array of numbers, in which points are rows or, if it has three rows, columns.
+fn table(bytes: &mut Bytes, header: &Header, [rows, columns]: [u64; 2]) -> Result<ReadCloud> {
+    let (_, Item { kind, big_endian }) = header.fields[0];
+    let count = rows.saturating_mul(columns);
+    bytes.check(count.saturating_mul(kind.size() as u64), "coordinates")?;
+    let mut numbers = Vec::with_capacity(count as usize);
+    let mut item = vec![0; kind.size()];
+    for _ in 0..count {
+        bytes.take(&mut item, "a coordinate")?;
+        numbers.push(kind.read(&item, big_endian));
+    }
+    let (rows, columns) = (rows as usize, columns as usize);
+    let at = |row: usize, column: usize| {
+        if header.is_fortran {
+            numbers[column * rows + row]
+        } else {
+            numbers[row * columns + column]
+        }
+    };
+    let as_rows = || -> Vec<Vec3> {
+        let row = |i| Vec3::from_fn(|axis, _| at(i, axis));
+        (0..rows).map(row).collect()
+    };
+    let as_columns = || -> Vec<Vec3> {
+        let column = |i| Vec3::from_fn(|axis, _| at(axis, i));
+        (0..columns).map(column).collect()
+    };
+    let mut gathering = Gathering::default();
+    let points = match (rows, columns) {
+        (3, 3..=MOST_COLUMNS) => {
+            let (by_rows, by_columns) = (as_rows(), as_columns());
+            let is_by_rows = extent(&by_rows) <= extent(&by_columns);
+            gathering.remark(format!(
+                "points may be the rows or the columns of an array of shape (3, {columns}): the {} lie closer together \
+                 and are taken for points",
+                if is_by_rows { "rows" } else { "columns" }
+            ));
+            if is_by_rows { by_rows } else { by_columns }
+        }
+        (3, _) => as_columns(),
+        _ => as_rows(),
+    };
+    if points.len() == rows
+        && let Some(remark) = unnamed(columns)
+    {
+        gathering.remark(remark);
+    }
+    for point in points {
+        gathering.push(point, f64::NAN, f64::NAN);
+    }
+    Ok(gathering.finish())
+}
+
+/// Diagonal of the box around points.
+fn extent(points: &[Vec3]) -> f64 {
+    let first = points.first().copied().unwrap_or_default();
+    let low = points.iter().fold(first, |low, p| low.inf(p));
+    let high = points.iter().fold(first, |high, p| high.sup(p));
+    (high - low).norm()
+}
+
+/// Reads the header, which is a literal of a Python dictionary with `descr`, `fortran_order` and `shape`.
+fn header(text: &str) -> Option<Header> {
+    let after = |key: &str| {
+        let (_, rest) = text.split_once(&format!("'{key}':"))?;
+        Some(rest.trim_start())
+    };
+    let (shape, _) = after("shape")?.strip_prefix('(')?.split_once(')')?;
+    let shape = shape.split(',').map(str::trim).filter(|n| !n.is_empty());
+    let shape = shape.map(|n| n.parse().ok()).collect::<Option<_>>()?;
+    let descr = after("descr")?;
+    let (fields, is_structured) = match descr.strip_prefix('[') {
+        None => {
+            let (kind, _) = descr.strip_prefix('\'')?.split_once('\'')?;
+            (vec![(String::new(), item(kind)?)], false)
+        }
+        Some(list) => {
+            let (list, _) = list.split_once(']')?;
+            let tuples = list.split('(').skip(1);
+            let field = |tuple: &str| {
+                let mut quoted = tuple.split('\'').skip(1).step_by(2);
+                let (name, kind) = (quoted.next()?, quoted.next()?);
+                // A third element would be the shape of an array in the field.
+                let (_, rest) = tuple.rsplit_once('\'')?;
+                let is_single = rest.trim_start().starts_with(')');
+                Some((name.to_owned(), item(kind).filter(|_| is_single)?))
+            };
+            (tuples.map(field).collect::<Option<_>>()?, true)
+        }
+    };
+    Some(Header {
+        fields,
+        is_structured,
+        is_fortran: after("fortran_order")?.starts_with("True"),
+        shape,
+    })
+}
+
+/// The number type that NumPy writes as `<f8`.
+fn item(text: &str) -> Option<Item> {
+    let big_endian = match text.get(..1)? {
+        "<" | "|" => false,
+        ">" => true,
+        _ => return None,
+    };
+    let kind = match text.get(1..)? {
+        "i1" => Number::I8,
+        "u1" | "b1" => Number::U8,
+        "i2" => Number::I16,
+        "u2" => Number::U16,
+        "i4" => Number::I32,
+        "u4" => Number::U32,
+        "i8" => Number::I64,
+        "u8" => Number::U64,
+        "f4" => Number::F32,
+        "f8" => Number::F64,
+        _ => return None,
+    };
+    Some(Item { kind, big_endian })
 }

@@ -1,10 +1,12 @@
 //! PCD of the Point Cloud Library: text, binary, and binary compressed with LZF.
 
-use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::binary::{Bytes, Fields, Number};
+use crate::format::binary::{Bytes, Number};
+use crate::format::cloud::fields::Fields;
+use crate::format::cloud::gathering::{Gathering, ReadCloud};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::text::numerals::Numerals;
 use crate::geometry::Vec3;
 
 /// Compressed points may unpack to at most this many times their size plus this many bytes. Scans unpack to two to
@@ -13,7 +15,10 @@ const MAX_EXPANSION: u64 = 32;
 const EXPANSION_ALLOWANCE_BYTES: u64 = 16_000_000;
 
 pub(crate) const PCD: Kind = Kind {
-    signature: Some(|start| start.contains(b"FIELDS ") && start.contains(b"DATA ")),
+    signature: Some(|start| {
+        let has_fields = start.contains(b"FIELDS ") || start.contains(b"COLUMNS ");
+        has_fields && start.contains(b"DATA ")
+    }),
     extensions: &["pcd"],
     cloud: Some(read),
     frame: Frame::Fixed(
@@ -36,17 +41,20 @@ pub(crate) struct Header {
     pub(crate) names: Vec<String>,
     types: Vec<Number>,
     repeats: Vec<usize>,
+    /// Position and quaternion (w, x, y, z) of the sensor.
+    viewpoint: Option<Vec<f64>>,
 }
 
 /// Largest accepted COUNT of a field, above that of any feature descriptor.
 const MOST_REPEATS: usize = 4096;
 
 pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
-    let (mut names, mut sizes, mut kinds) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut names, mut sizes, mut kinds): (Vec<String>, Vec<_>, Vec<_>) = Default::default();
     let mut repeats: Vec<usize> = Vec::new();
+    let mut viewpoint = None;
     let (mut area, mut points) = ([None::<u64>; 2], None::<u64>);
     let encoding = loop {
-        let line = bytes.line()?;
+        let line = bytes.line_of_any_text()?;
         if line.is_empty() || line.starts_with('#') {
             continue;
         }
@@ -55,11 +63,18 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
         let rest: Vec<&str> = words.collect();
         let integer = |text: Option<&&str>| text.and_then(|text| text.parse::<u64>().ok());
         match key {
-            "VERSION" | "VIEWPOINT" => {}
-            "FIELDS" => names = rest.iter().map(|s| (*s).to_owned()).collect(),
+            "VERSION" => {}
+            "VIEWPOINT" => viewpoint = rest.iter().map(|s| s.parse().ok()).collect(),
+            // Versions before 0.5 call them columns.
+            "FIELDS" | "COLUMNS" => names = rest.iter().map(|s| (*s).to_owned()).collect(),
             "SIZE" => sizes = rest.iter().map(|s| (*s).to_owned()).collect(),
             "TYPE" => kinds = rest.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>(),
-            "COUNT" => repeats = rest.iter().map(|s| s.parse().unwrap_or(0)).collect(),
+            "COUNT" => {
+                repeats = rest
+                    .iter()
+                    .map(|s| s.parse().unwrap_or(usize::MAX))
+                    .collect()
+            }
             "WIDTH" => area[0] = integer(rest.first()),
             "HEIGHT" => area[1] = integer(rest.first()),
             "POINTS" => points = integer(rest.first()),
@@ -93,23 +108,17 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
             if types.len() == names.len()
                 && sizes.len() == kinds.len()
                 && repeats.len() == names.len()
-                && repeats.iter().all(|n| (1..=MOST_REPEATS).contains(n)) =>
+                && repeats.iter().all(|n| *n <= MOST_REPEATS) =>
         {
-            for axis in ["x", "y", "z"] {
-                if !names
-                    .iter()
-                    .any(|name: &String| name.eq_ignore_ascii_case(axis))
-                {
-                    let found = format!("the fields {}", names.join(" "));
-                    return Err(bytes.error(found, "x, y and z"));
-                }
-            }
+            // A field that is there no times takes no bytes.
+            let used: Vec<usize> = (0..names.len()).filter(|at| repeats[*at] > 0).collect();
             Ok(Header {
                 encoding,
                 count,
-                names,
-                types,
-                repeats,
+                names: used.iter().map(|at| names[*at].clone()).collect(),
+                types: used.iter().map(|at| types[*at]).collect(),
+                repeats: used.iter().map(|at| repeats[*at]).collect(),
+                viewpoint,
             })
         }
         _ => Err(bytes.error(
@@ -135,14 +144,17 @@ fn number(kind: &str, size: &str) -> Option<Number> {
     })
 }
 
-pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
     let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
-    let mut fields = Fields::default();
-    for (i, name) in header.names.iter().enumerate() {
-        fields.note(name, i);
+    let fields = Fields::of(&header.names, &header.types).ok_or_else(|| {
+        let found = format!("the fields {}", header.names.join(" "));
+        bytes.error(found, "x, y and z")
+    })?;
+    let mut cloud = Gathering::default();
+    if let Some(remark) = header.viewpoint.as_deref().and_then(viewpoint_remark) {
+        cloud.remark(remark);
     }
-    let mut cloud = PointCloud::default();
     let mut values = vec![0.0; header.names.len()];
     let sizes: Vec<usize> = header
         .types
@@ -155,12 +167,16 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     match header.encoding {
         Encoding::Text => {
             for _ in 0..header.count {
-                let line = bytes.line()?;
+                let mut line = bytes.line()?;
+                while line.is_empty() {
+                    line = bytes.line()?;
+                }
+                let mut numerals = Numerals::default();
                 let mut cells = line.split_ascii_whitespace();
                 for (value, n) in values.iter_mut().zip(&header.repeats) {
                     *value = cells
                         .next()
-                        .and_then(|cell| cell.parse().ok())
+                        .and_then(|cell| numerals.number(cell))
                         .ok_or_else(|| bytes.error(format!("`{line}`"), "the fields of a point"))?;
                     for _ in 1..*n {
                         cells.next();
@@ -195,7 +211,9 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                 ));
             }
             bytes.check(packed, "compressed points")?;
-            let in_memory = header.count.saturating_mul(size_of::<Vec3>() as u64);
+            let in_memory = header
+                .count
+                .saturating_mul((size_of::<Vec3>() + size_of::<f64>() + size_of::<f32>()) as u64);
             if unpacked.max(in_memory)
                 > MAX_EXPANSION
                     .saturating_mul(packed)
@@ -212,7 +230,7 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
             let columns = unpack(&input, unpacked as usize)
                 .ok_or_else(|| bytes.error("damaged compression", "LZF"))?;
             // The file held this many points, so that the allocation is bounded.
-            cloud.points.reserve_exact(header.count as usize);
+            cloud.reserve(header.count as usize);
             // All values of a field are stored together.
             for i in 0..header.count as usize {
                 let mut start = 0;
@@ -224,7 +242,23 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
             }
         }
     }
-    Ok(cloud)
+    Ok(fields.finish(cloud))
+}
+
+/// What to say about a viewpoint that is not the origin, unturned.
+fn viewpoint_remark(viewpoint: &[f64]) -> Option<String> {
+    let &[x, y, z, w, i, j, k] = viewpoint else {
+        return None;
+    };
+    let axis = Vec3::new(i, j, k);
+    if Vec3::new(x, y, z) == Vec3::zeros() && axis == Vec3::zeros() {
+        return None;
+    }
+    let angle_deg = 2.0 * axis.norm().atan2(w.abs()).to_degrees();
+    Some(format!(
+        "VIEWPOINT ({x}, {y}, {z}) m, turned by {angle_deg:.1}°, is not applied: points are taken to be in the frame \
+         of the world, as the Point Cloud Library stores them"
+    ))
 }
 
 /// Unpacks LZF. A control byte c below 32 is followed by c + 1 literals. Otherwise its upper three

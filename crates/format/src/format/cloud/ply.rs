@@ -1,15 +1,15 @@
 //! PLY: text, little-endian and big-endian; the points are the element `vertex`.
 
-use crate::cloud::PointCloud;
-use crate::error::Result;
-use crate::format::binary::{Bytes, Fields, Number};
+use crate::error::{Error, Result};
+use crate::format::binary::{Bytes, Number};
+use crate::format::cloud::fields::Fields;
+use crate::format::cloud::gathering::{Gathering, ReadCloud};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::text::numerals::Numerals;
 
 pub(crate) const PLY: Kind = Kind {
-    signature: Some(|start| {
-        start.bytes.starts_with(b"ply\n") || start.bytes.starts_with(b"ply\r\n")
-    }),
+    signature: Some(|start| start.bytes.starts_with(b"ply\n") || start.bytes.starts_with(b"ply\r")),
     extensions: &["ply"],
     cloud: Some(read),
     frame: Frame::Fixed("metres (assumed: PLY has no unit); axes of the file, taken for the world"),
@@ -22,12 +22,26 @@ enum Encoding {
     Binary { big_endian: bool },
 }
 
+/// A property of an element: a number, or a list with a type for its length.
+pub(crate) struct Property {
+    pub(crate) name: String,
+    kind: Number,
+    length: Option<Number>,
+}
+
+/// An element: records with the same properties.
+pub(crate) struct Element {
+    name: String,
+    pub(crate) count: u64,
+    properties: Vec<Property>,
+}
+
 /// The content of the header.
 pub(crate) struct Header {
     encoding: Encoding,
-    pub(crate) count: u64,
-    pub(crate) names: Vec<String>,
-    types: Vec<Number>,
+    /// The elements before the vertices, which are passed over.
+    before: Vec<Element>,
+    pub(crate) vertices: Element,
 }
 
 fn number(name: &str) -> Option<Number> {
@@ -44,17 +58,20 @@ fn number(name: &str) -> Option<Number> {
     })
 }
 
+/// Most elements and properties of a header, more than any program writes.
+const MOST_PROPERTIES: usize = 1024;
+
 pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
     if bytes.line()? != "ply" {
         return Err(bytes.error("a different first line", "`ply`"));
     }
     let mut encoding = None;
-    let mut count = None;
-    let (mut names, mut types) = (Vec::new(), Vec::new());
-    let mut in_vertex = false;
+    let mut elements: Vec<Element> = Vec::new();
+    let mut properties = 0;
     loop {
-        let line = bytes.line()?;
+        let line = bytes.line_of_any_text()?;
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let unknown = |bytes: &Bytes| bytes.error(format!("`{line}`"), "a line of a PLY header");
         match words.as_slice() {
             ["end_header"] => break,
             ["comment", ..] | ["obj_info", ..] | [] => {}
@@ -68,84 +85,164 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
                     }
                 });
             }
-            ["element", "vertex", n] => {
-                in_vertex = true;
-                count = n.parse::<u64>().ok();
-            }
-            ["element", ..] if count.is_none() => {
-                return Err(bytes.error(format!("`{line}`"), "vertices as the first element"));
-            }
-            ["element", ..] => in_vertex = false,
-            ["property", kind, name] if in_vertex => {
-                let Some(kind) = number(kind) else {
-                    return Err(bytes.error(format!("property type {kind}"), "a type of PLY"));
+            ["element", name, n] => elements.push(Element {
+                name: (*name).to_owned(),
+                count: n.parse().map_err(|_| unknown(bytes))?,
+                properties: Vec::new(),
+            }),
+            ["property", of @ .., name] => {
+                let (length, kind) = match of {
+                    [kind] => (None, *kind),
+                    ["list", length, kind] => (Some(*length), *kind),
+                    _ => return Err(unknown(bytes)),
                 };
-                names.push((*name).to_owned());
-                types.push(kind);
+                let typed = |kind: &str| {
+                    let error = || bytes.error(format!("property type {kind}"), "a type of PLY");
+                    number(kind).ok_or_else(error)
+                };
+                let property = Property {
+                    name: (*name).to_owned(),
+                    kind: typed(kind)?,
+                    length: length.map(typed).transpose()?,
+                };
+                properties += 1;
+                let element = elements
+                    .last_mut()
+                    .filter(|_| properties <= MOST_PROPERTIES);
+                element
+                    .ok_or_else(|| unknown(bytes))?
+                    .properties
+                    .push(property);
             }
-            ["property", ..] if !in_vertex => {}
-            _ => return Err(bytes.error(format!("`{line}`"), "a line of a PLY header")),
+            _ => return Err(unknown(bytes)),
         }
     }
-    let (Some(encoding), Some(count)) = (encoding, count) else {
+    let at = elements.iter().position(|element| element.name == "vertex");
+    let (Some(encoding), Some(at)) = (encoding, at) else {
         return Err(bytes.error("a header without format or vertices", "a header with both"));
     };
-    for axis in ["x", "y", "z"] {
-        if !names.iter().any(|name| name == axis) {
-            return Err(bytes.error(
-                format!("the vertex properties {}", names.join(", ")),
-                "x, y and z",
-            ));
-        }
-    }
+    // Elements behind the vertices are not read.
+    elements.truncate(at + 1);
+    let Some(vertices) = elements.pop() else {
+        return Err(bytes.error("no vertices", "the element vertex"));
+    };
     Ok(Header {
         encoding,
-        count,
-        names,
-        types,
+        before: elements,
+        vertices,
     })
 }
 
-pub(crate) fn read(input: &Input) -> Result<PointCloud> {
+impl Header {
+    /// The properties of a vertex that are numbers, in their order.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = &Property> {
+        let properties = self.vertices.properties.iter();
+        properties.filter(|property| property.length.is_none())
+    }
+}
+
+pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
     let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
-    let mut fields = Fields::default();
-    for (i, name) in header.names.iter().enumerate() {
-        fields.note(name, i);
+    let names: Vec<String> = header.numbers().map(|p| p.name.clone()).collect();
+    let types: Vec<Number> = header.numbers().map(|p| p.kind).collect();
+    let fields = Fields::of(&names, &types).ok_or_else(|| {
+        let found = format!("the vertex properties {}", names.join(", "));
+        bytes.error(found, "x, y and z")
+    })?;
+    let mut gathering = Gathering::default();
+    let lists = header.vertices.properties.iter();
+    let lists: Vec<&str> = lists
+        .filter(|property| property.length.is_some())
+        .map(|property| property.name.as_str())
+        .collect();
+    if !lists.is_empty() {
+        gathering.remark(format!("the lists {} are left out", lists.join(", ")));
     }
-    let mut cloud = PointCloud::default();
-    let mut values = vec![0.0; header.types.len()];
-    match header.encoding {
-        Encoding::Text => {
-            for _ in 0..header.count {
-                let line = bytes.line()?;
-                let mut cells = line.split_ascii_whitespace();
-                for value in &mut values {
-                    *value = cells
-                        .next()
-                        .and_then(|cell| cell.parse().ok())
-                        .ok_or_else(|| {
-                            let count = header.types.len();
-                            bytes.error(format!("`{line}`"), format!("{count} numbers"))
-                        })?;
+    let mut values = Vec::with_capacity(names.len());
+    let elements = header.before.iter().chain([&header.vertices]);
+    for element in elements {
+        let is_vertex = element.name == header.vertices.name;
+        if let Encoding::Binary { .. } = header.encoding {
+            let least = element.properties.iter();
+            let least: usize = least.map(|p| p.length.unwrap_or(p.kind).size()).sum();
+            bytes.check(element.count.saturating_mul(least as u64), &element.name)?;
+        }
+        for _ in 0..element.count {
+            values.clear();
+            match header.encoding {
+                Encoding::Text => text_record(&mut bytes, element, &mut values)?,
+                Encoding::Binary { big_endian } => {
+                    binary_record(&mut bytes, element, big_endian, &mut values)?;
                 }
-                fields.push(&values, &mut cloud);
+            }
+            if is_vertex {
+                fields.push(&values, &mut gathering);
             }
         }
-        Encoding::Binary { big_endian } => {
-            let length: usize = header.types.iter().map(|kind| kind.size()).sum();
-            bytes.check(header.count.saturating_mul(length as u64), "vertices")?;
-            let mut record = vec![0; length];
-            for _ in 0..header.count {
-                bytes.take(&mut record, "a vertex")?;
-                let mut at = 0;
-                for (value, kind) in values.iter_mut().zip(&header.types) {
-                    *value = kind.read(&record[at..], big_endian);
-                    at += kind.size();
-                }
-                fields.push(&values, &mut cloud);
-            }
+    }
+    Ok(fields.finish(gathering))
+}
+
+/// Reads the numbers of a record, without its lists, from the next line that is not empty.
+fn text_record(bytes: &mut Bytes, element: &Element, values: &mut Vec<f64>) -> Result<()> {
+    let mut line = bytes.line()?;
+    while line.is_empty() {
+        line = bytes.line()?;
+    }
+    let mut numerals = Numerals::default();
+    let mut cells = line.split_ascii_whitespace();
+    let mut next = || cells.next().and_then(|cell| numerals.number(cell));
+    for property in &element.properties {
+        let wrong = |bytes: &Bytes| {
+            let found: String = line.chars().take(80).collect();
+            let expected = format!("the properties of a {}", element.name);
+            bytes.error(format!("`{found}`"), expected)
+        };
+        let value = next().ok_or_else(|| wrong(bytes))?;
+        if property.length.is_none() {
+            values.push(value);
+            continue;
+        }
+        for _ in 0..list_length(value, || wrong(bytes))? {
+            next().ok_or_else(|| wrong(bytes))?;
         }
     }
-    Ok(cloud)
+    Ok(())
+}
+
+/// Reads the numbers of a record, without its lists.
+fn binary_record(
+    bytes: &mut Bytes,
+    element: &Element,
+    big_endian: bool,
+    values: &mut Vec<f64>,
+) -> Result<()> {
+    let mut buffer = [0; 8];
+    let read = |bytes: &mut Bytes, kind: Number, buffer: &mut [u8; 8]| {
+        bytes.take(&mut buffer[..kind.size()], "a record")?;
+        Ok::<f64, Error>(kind.read(&buffer[..], big_endian))
+    };
+    for property in &element.properties {
+        let Some(length) = property.length else {
+            values.push(read(bytes, property.kind, &mut buffer)?);
+            continue;
+        };
+        let length = read(bytes, length, &mut buffer)?;
+        let wrong = || bytes.error(format!("a list of {length} values"), "a length");
+        let count = list_length(length, wrong)?;
+        bytes.check(count.saturating_mul(property.kind.size() as u64), "a list")?;
+        for _ in 0..count {
+            read(bytes, property.kind, &mut buffer)?;
+        }
+    }
+    Ok(())
+}
+
+fn list_length(value: f64, wrong: impl FnOnce() -> Error) -> Result<u64> {
+    if value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX) {
+        Ok(value as u64)
+    } else {
+        Err(wrong())
+    }
 }

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::cloud::sink_checks::{check_position, plain_names};
 use crate::format::las::extra::{ExtraDimension, ExtraKind};
+use crate::format::las::value::ExtraValue;
 
 const RESERVED: [&str; 5] = ["x", "y", "z", "time_s", "intensity"];
 
@@ -28,7 +29,7 @@ struct PlySink {
 
 /// Creates or replaces a PLY file: for each point `x`, `y`, `z` (m) as `double`, `time_s` (s) as
 /// `double` and `intensity` as `float` if the shape has them, and the dimensions as `float`,
-/// `double` or `uint`. Characters of their names other than ASCII letters, digits, `-` and `_`
+/// `double` or `uint`, integers of 64 bits as `double`, which rounds them above 2⁵³. Characters of their names other than ASCII letters, digits, `-` and `_`
 /// become `_`. PLY has no field for the coordinate reference system, so it is lost. A cloud
 /// without points gives a valid file. The same points give the same bytes.
 ///
@@ -50,10 +51,10 @@ pub fn ply_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
         property("float", "intensity");
     }
     for (dimension, name) in shape.dimensions.iter().zip(&names) {
-        let kind = match dimension.kind {
+        let kind = match stored(dimension.kind) {
             ExtraKind::F32 => "float",
-            ExtraKind::F64 => "double",
             ExtraKind::U32 => "uint",
+            _ => "double",
         };
         property(kind, name);
     }
@@ -71,6 +72,14 @@ pub fn ply_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     let header = sink.header();
     sink.write(header.as_bytes())?;
     Ok(Box::new(sink))
+}
+
+/// The type in which values are stored: PLY has no integers of 64 bits.
+fn stored(kind: ExtraKind) -> ExtraKind {
+    match kind {
+        ExtraKind::I64 | ExtraKind::U64 => ExtraKind::F64,
+        other => other,
+    }
 }
 
 impl PlySink {
@@ -108,8 +117,8 @@ impl CloudSink for PlySink {
                 .extend_from_slice(&point.intensity.to_le_bytes());
         }
         for (at, dimension) in self.dimensions.iter().enumerate() {
-            let value = point.values.get(at).copied().unwrap_or(f64::NAN);
-            dimension.kind.append(value, &mut self.record);
+            let value = point.values.get(at).copied().unwrap_or(ExtraValue::NONE);
+            stored(dimension.kind).append(value, &mut self.record);
         }
         self.count += 1;
         self.out

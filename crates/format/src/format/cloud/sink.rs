@@ -3,7 +3,12 @@
 use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::las::extra::ExtraDimension;
+use crate::format::las::value::ExtraValue;
 use crate::geometry::Vec3;
+
+/// Step of the coordinates in written clouds, metres: it preserves 0.01 mm, and 32 bits reach 21 km
+/// to each side of the offset.
+pub const CLOUD_STEP_M: f64 = 1e-5;
 
 /// The time scale of a cloud.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -20,14 +25,16 @@ pub enum CloudClock {
 }
 
 impl CloudClock {
-    /// The likely time scale of times between `first_s` and `last_s`: Unix time after July 2017, seconds of a week,
-    /// or unknown. Seconds since the start of the sensor cannot be distinguished from seconds of the week, nor, from
-    /// July 2027 on, seconds since 1980 from seconds since 1970.
+    /// The likely time scale of times between `first_s` and `last_s`: seconds of a week, adjusted standard GPS time of
+    /// the years 2011 to 2042, Unix time of the years 2001 to 2099, or unknown. Seconds since the start of the sensor
+    /// cannot be distinguished from seconds of the week, nor seconds since 1980 from seconds since 1970.
     pub fn of_span(first_s: f64, last_s: f64) -> Self {
         const WEEK_S: f64 = 604_800.0;
-        const UNIX_S: [f64; 2] = [1.5e9, 4.1e9];
+        const UNIX_S: [f64; 2] = [1e9, 4.1e9];
         if first_s >= 0.0 && last_s <= WEEK_S {
             Self::GpsWeek
+        } else if first_s > WEEK_S && last_s < UNIX_S[0] {
+            Self::AdjustedGps
         } else if first_s >= UNIX_S[0] && last_s <= UNIX_S[1] {
             Self::Unix
         } else {
@@ -52,6 +59,8 @@ pub struct CloudShape {
     pub low: Vec3,
     /// Highest coordinates, metres.
     pub high: Vec3,
+    /// The median of the coordinates if they are too far apart for LAS, metres.
+    pub median: Option<Vec3>,
     /// The grid of the coordinates if they come from LAS; LAS, LAZ and COPC are written on the same grid.
     pub grid: Option<CloudGrid>,
     /// Whether points have times.
@@ -71,11 +80,15 @@ impl CloudShape {
     pub fn of(cloud: &PointCloud, wkt: Option<String>) -> Self {
         let first = cloud.points.first().copied().unwrap_or_default();
         let times = cloud.time_s.iter().copied();
+        let low = cloud.points.iter().fold(first, |low, p| low.inf(p));
+        let high = cloud.points.iter().fold(first, |high, p| high.sup(p));
         Self {
-            low: cloud.points.iter().fold(first, |low, p| low.inf(p)),
-            high: cloud.points.iter().fold(first, |high, p| high.sup(p)),
+            low,
+            high,
+            median: ((high - low).amax() > REACH_M).then(|| median(&cloud.points)),
             grid: None,
             has_time: !cloud.time_s.is_empty(),
+            // Both are the other number if one is NaN.
             clock: CloudClock::of_span(
                 times.clone().fold(f64::INFINITY, f64::min),
                 times.fold(f64::NEG_INFINITY, f64::max),
@@ -87,6 +100,18 @@ impl CloudShape {
     }
 }
 
+/// Length that 32 bits span with the step of written clouds, less a metre by which the offset may be rounded, metres.
+const REACH_M: f64 = CLOUD_STEP_M * u32::MAX as f64 - 1.0;
+
+/// The median of each coordinate.
+fn median(points: &[Vec3]) -> Vec3 {
+    Vec3::from_fn(|axis, _| {
+        let mut values: Vec<f64> = points.iter().map(|point| point[axis]).collect();
+        let middle = values.len() / 2;
+        *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    })
+}
+
 /// A point with its values.
 #[derive(Debug, Clone, Copy)]
 pub struct CloudPoint<'a> {
@@ -96,8 +121,8 @@ pub struct CloudPoint<'a> {
     pub time_s: f64,
     /// As recorded; ignored if the shape has no intensities.
     pub intensity: f32,
-    /// Values of the dimensions, in their order; missing values are NaN.
-    pub values: &'a [f64],
+    /// Values of the dimensions, in their order; missing values are none.
+    pub values: &'a [ExtraValue],
 }
 
 /// An open cloud file. If it is dropped unfinished, the file stays incomplete: the caller must write to a temporary
@@ -127,8 +152,9 @@ mod tests {
             ((604_700.0, 604_900.0), CloudClock::Unknown),
             ((1.7e9, 1.7e9 + 300.0), CloudClock::Unix),
             ((-5.0, 10.0), CloudClock::Unknown),
-            ((3.2e8, 3.3e8), CloudClock::Unknown),
-            ((1.4e9, 1.4e9 + 300.0), CloudClock::Unknown),
+            ((3.2e8, 3.3e8), CloudClock::AdjustedGps),
+            ((1.4e9, 1.4e9 + 300.0), CloudClock::Unix),
+            ((9.9e8, 1.01e9), CloudClock::Unknown),
         ];
         for ((first, last), clock) in cases {
             assert_eq!(CloudClock::of_span(first, last), clock, "{first}");

@@ -10,7 +10,9 @@ use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::input::Input;
 use crate::format::las::columns::extra_columns;
 use crate::format::las::file::LasFile;
-use crate::format::{ExtraDimension, ExtraKind, copc_sink, e57_sink, ply_sink, read_cloud};
+use crate::format::{
+    ExtraDimension, ExtraKind, ExtraValue, copc_sink, e57_sink, ply_sink, read_cloud,
+};
 use crate::geometry::Vec3;
 
 type Open = fn(&Path, &CloudShape) -> Result<Box<dyn CloudSink>>;
@@ -96,7 +98,12 @@ fn push_all(sink: &mut dyn CloudSink, rows: &[Row]) -> Result<()> {
             position: row.position,
             time_s: row.time_s,
             intensity: row.intensity as f32,
-            values: &row.values,
+            values: &row
+                .values
+                .iter()
+                .copied()
+                .map(ExtraValue::Number)
+                .collect::<Vec<_>>(),
         })
     })
 }
@@ -127,10 +134,15 @@ fn read_ply(path: &Path) -> Vec<Row> {
         "exact",
         "scanner",
     ];
-    assert_eq!(header.names, names);
+    assert!(
+        header
+            .numbers()
+            .map(|property| property.name.as_str())
+            .eq(names)
+    );
     let (f64, f32, u32) = (Number::F64, Number::F32, Number::U32);
     let types = [f64, f64, f64, f64, f32, f32, f64, u32];
-    let rows = (0..header.count).map(|_| {
+    let rows = (0..header.vertices.count).map(|_| {
         let values = types.map(|kind| {
             let mut value = vec![0; kind.size()];
             bytes.take(&mut value, "a value").unwrap();

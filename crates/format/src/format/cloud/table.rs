@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
+use crate::format::cloud::gathering::{Gathering, ReadCloud, unnamed};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::TableWriter;
@@ -33,37 +34,73 @@ pub(crate) const XYZ: Kind = Kind {
     ..Kind::new("xyz-text", "cloud (lines of x y z)")
 };
 
+/// The columns of a native table that is known to have the needed ones; a row may lack a value in each.
+const WITH_GAPS: Columns = Columns {
+    needed: &[],
+    optional: &[
+        "east_m",
+        "north_m",
+        "up_m",
+        "time_s",
+        "intensity",
+        "scanner",
+    ],
+};
+
 /// Reads a native table.
-pub(crate) fn read_table(input: &Input) -> Result<PointCloud> {
-    let mut table = Table::open(input, &CLOUD)?;
-    let mut cloud = PointCloud::default();
+pub(crate) fn read_table(input: &Input) -> Result<ReadCloud> {
+    Table::open(input, &CLOUD)?;
+    let mut table = Table::open(input, &WITH_GAPS)?;
+    let mut gathering = Gathering::default();
     let mut row = [0.0; 6];
-    while table.next_row(&mut row)? {
-        cloud.points.push(Vec3::new(row[0], row[1], row[2]));
-        cloud.time_s.push(row[3]);
-        cloud.intensity.push(row[4] as f32);
+    let is_unknown = |name: &&String| !CLOUD.names(name);
+    let left_out: Vec<&str> = table
+        .names()
+        .iter()
+        .filter(is_unknown)
+        .map(String::as_str)
+        .collect();
+    if !left_out.is_empty() {
+        gathering.remark(format!("the columns {} are left out", left_out.join(", ")));
     }
-    // An absent column is empty in every row.
-    cloud.forget_incomplete();
-    Ok(cloud)
+    while table.next_row(&mut row)? {
+        // A row without a position was not measured, one with a part of it is damaged.
+        let position = &row[..3];
+        let missing = position.iter().position(|value| value.is_nan());
+        if let Some(at) = missing.filter(|_| position.iter().any(|value| value.is_finite())) {
+            let cell = if input.is_parquet() { "null" } else { "" };
+            let found = format!("`{cell}` in column {}", CLOUD.needed[at]);
+            return Err(table.error(found, "a finite number"));
+        }
+        gathering.push(Vec3::new(row[0], row[1], row[2]), row[3], row[4]);
+    }
+    Ok(gathering.finish())
 }
 
 /// Reads lines that begin with x y z and have as many numbers as the first line.
-pub(crate) fn read_xyz(input: &Input) -> Result<PointCloud> {
+pub(crate) fn read_xyz(input: &Input) -> Result<ReadCloud> {
     let mut lines = Lines::open(input)?;
-    let mut cloud = PointCloud::default();
+    let mut gathering = Gathering::default();
     let mut cells = Vec::new();
     let mut width = 0;
     let fits = |n, width| n >= 3 && (width == 0 || n == width);
     let expected = |width: usize| {
         let count = width.max(3);
-        format!("{count} finite numbers, the first of them x y z")
+        format!("{count} numbers, the first of them x y z")
     };
-    while lines.next_numbers(&mut cells, |n| fits(n, width), || expected(width))? {
+    while lines.next_row(&mut cells, |row| fits(row.len(), width), || expected(width))? {
         width = cells.len();
-        cloud.points.push(Vec3::new(cells[0], cells[1], cells[2]));
+        gathering.push(Vec3::new(cells[0], cells[1], cells[2]), f64::NAN, f64::NAN);
     }
-    Ok(cloud)
+    if lines.numerals().has_decimal_commas {
+        gathering.remark("commas are read as decimal marks".to_owned());
+    }
+    if let Some(remark) = unnamed(width) {
+        gathering.remark(format!(
+            "{remark}: put a header above them, such as `x y z intensity`"
+        ));
+    }
+    Ok(gathering.finish())
 }
 
 /// Writes a cloud as a native table that [`read_cloud`](crate::format::read_cloud) reads back bit by bit.

@@ -1,85 +1,73 @@
-//! Clouds as text of other programs: a header with the columns x, y and z, then one point per line.
+//! Clouds as text of other programs: a header with the three coordinates, then one point per line.
 //!
-//! The header may be `X,Y,Z,Intensity`, `"X","Y","Z","GpsTime"` (PDAL), `# x y z` (NumPy) or `//X Y Z R G B`
-//! (CloudCompare), with columns in any order, separated by commas, semicolons or white space. The line before or
-//! after it may hold the number of points, which must be correct. The header has no units: coordinates are assumed
-//! to be metres, and the columns `GpsTime`, `gps_time`, `time` or `time_s` seconds. `Intensity` is read too; other
-//! columns are ignored.
+//! The header may be `X,Y,Z,Intensity`, `"X","Y","Z","GpsTime"` (PDAL), `# x y z` (NumPy), `//X Y Z R G B`
+//! (CloudCompare) or `Rechtswert;Hochwert;Höhe`, with columns in any order, separated by commas, semicolons or white
+//! space. The line before or after it may hold the number of points, which must be correct. Coordinates are assumed to
+//! be metres unless the header names a unit in brackets, and the columns `GpsTime`, `gps_time`, `time` or `time_s`
+//! seconds, or dates with times of UTC. `Intensity` is read too; other columns are left out.
 //!
 //! A table that begins with its time and has no intensity may be a log of positions, and a table with angles or a
 //! quaternion may be a log of poses: neither is accepted as a cloud.
 
-use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::names::{Meaning, is_cloud, meaning};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::text::lines::{Lines, Separator};
+use crate::format::text::civil::unix_from_iso;
+use crate::format::text::lines::{Lines, Separator, without_trailer};
+use crate::format::text::numerals::Numerals;
 use crate::geometry::Vec3;
 
-const TIMES: [&str; 3] = ["gpstime", "time", "times"];
-const INTENSITY: &str = "intensity";
-/// Columns of a trajectory.
-const ATTITUDE: [&str; 11] = [
-    "qx", "qy", "qz", "qw", "roll", "pitch", "yaw", "heading", "omega", "phi", "kappa",
-];
-
 pub(crate) const XYZ_TABLE: Kind = Kind {
-    header: Some(is_header),
+    header: Some(is_cloud),
     cloud: Some(read),
     frame: Frame::Fixed(
-        "metres and seconds (assumed: the header has no units); x, y, z are axes of the file, taken for the world",
+        "metres and seconds (assumed unless the header names units); x, y, z are axes of the file, taken for the world",
     ),
     ..Kind::new("xyz-csv", "cloud (text with the columns x, y, z)")
 };
 
-/// A name without differences of spelling: `gps_time` and `GpsTime` become `gpstime`.
-fn plain(name: &str) -> String {
-    name.to_lowercase().replace('_', "")
-}
-
-/// Whether a table with these columns is a cloud.
-fn is_header(names: &[String]) -> bool {
-    let names: Vec<String> = names.iter().map(|name| plain(name)).collect();
-    let has = |wanted: &str| names.iter().any(|name| name == wanted);
-    let begins_with_time = names.first().is_some_and(|name| name.starts_with("time"));
-    ["x", "y", "z"].iter().all(|axis| has(axis))
-        && !ATTITUDE.iter().any(|name| has(name))
-        && (!begins_with_time || has(INTENSITY))
-}
+/// A column that is read: its meaning, and the factor to metres or seconds.
+type Slot = Option<(Meaning, f64)>;
 
 /// The columns that are read, and the separator of lines.
 struct Header {
     names: Vec<String>,
-    /// Column indices of x, y, z, the time and the intensity.
-    indices: [Option<usize>; 5],
+    slots: Vec<Slot>,
     separator: Separator,
 }
 
 impl Header {
     fn of(lines: &Lines, names: Vec<String>, separator: Separator) -> Result<Self> {
-        let mut indices = [None; 5];
-        for (at, name) in names.iter().enumerate() {
-            let slot = match plain(name).as_str() {
-                "x" => 0,
-                "y" => 1,
-                "z" => 2,
-                INTENSITY => 4,
-                time if TIMES.contains(&time) => 3,
-                _ => continue,
-            };
-            if let Some(other) = indices[slot].replace(at) {
+        let slots: Vec<Slot> = names
+            .iter()
+            .map(|name| meaning(name).map_err(|unit| lines.error(unit, "m, mm, cm, km or ft")))
+            .collect::<Result<_>>()?;
+        for (at, slot) in slots.iter().enumerate() {
+            let Some((meaning, _)) = slot else { continue };
+            let is_same = |other: &&Slot| other.is_some_and(|(other, _)| other == *meaning);
+            if let Some(before) = slots[..at].iter().position(|slot| is_same(&slot)) {
                 let found = format!(
-                    "the columns {} and {name} with the same meaning",
-                    names[other]
+                    "the columns {} and {} with the same meaning",
+                    names[before], names[at]
                 );
                 return Err(lines.error(found, "each of x, y, z, time and intensity once"));
             }
         }
         Ok(Self {
             names,
-            indices,
+            slots,
             separator,
         })
+    }
+
+    /// The names of the columns that are not read.
+    fn left_out(&self) -> Option<String> {
+        let columns = self.names.iter().zip(&self.slots);
+        let names = columns.filter(|(name, slot)| slot.is_none() && !name.is_empty());
+        let names: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
+        (!names.is_empty()).then(|| format!("the columns {} are left out", names.join(", ")))
     }
 
     /// The numbers of a line; absent columns and empty cells are NaN. The error holds the text found and the text
@@ -88,34 +76,29 @@ impl Header {
         &self,
         text: &str,
         separator: Separator,
+        numerals: &mut Numerals,
     ) -> std::result::Result<[f64; 5], (String, String)> {
         let mut row = [f64::NAN; 5];
         let count = separator.split(text, |at, cell| {
-            let Some(slot) = self.indices.iter().position(|index| *index == Some(at)) else {
-                return Ok(());
+            let Some(Some((meaning, factor))) = self.slots.get(at) else {
+                return Ok::<(), (String, String)>(());
             };
-            let cell = cell.trim_matches('"');
-            let may_be_empty = slot > 2;
-            match cell.parse::<f64>() {
-                Ok(value) if value.is_finite() => row[slot] = value,
-                Ok(value) if value.is_nan() && may_be_empty => {}
-                _ if cell.is_empty() && may_be_empty => {}
-                _ => {
-                    let shown: String = cell.chars().take(40).collect();
-                    let has_comma =
-                        cell.contains(',') && cell.replacen(',', ".", 1).parse::<f64>().is_ok();
-                    let expected = if has_comma {
-                        "a decimal point, not a comma"
-                    } else {
-                        "a finite number"
-                    };
-                    let found = format!("`{shown}` in column {}", self.names[at]);
-                    return Err((found, expected.to_owned()));
-                }
-            }
+            let number = numerals.number(cell);
+            let number = match meaning {
+                Meaning::Time => number.or_else(|| unix_from_iso(cell.trim_matches('"'))),
+                _ => number,
+            };
+            let value = number.filter(|value| !value.is_infinite()).ok_or_else(|| {
+                let shown: String = cell.chars().take(40).collect();
+                let found = format!("`{shown}` in column {}", self.names[at]);
+                (found, "a number".to_owned())
+            })?;
+            row[*meaning as usize] = factor * value;
             Ok(())
         })?;
-        if count == self.names.len() {
+        // The last tabs of a line are lost with the white space around it.
+        let may_end = separator == Separator::Tab && (3..self.names.len()).contains(&count);
+        if count == self.names.len() || may_end {
             return Ok(row);
         }
         let mut expected = format!(
@@ -128,6 +111,36 @@ impl Header {
         }
         Err((format!("{count} values"), expected))
     }
+
+    /// The numbers of a line, with the header's separator or, if it does not fit, with that of the line; without what
+    /// follows the values, a comment or a separator.
+    fn any_row(
+        &mut self,
+        text: &str,
+        numerals: &mut Numerals,
+    ) -> std::result::Result<[f64; 5], (String, String)> {
+        let values = without_trailer(text);
+        let of_row = Separator::of(values);
+        let mut first_error = None;
+        for (text, separator) in [
+            (text, self.separator),
+            (values, self.separator),
+            (text, of_row),
+            (values, of_row),
+            // Tabs may also be aligned.
+            (values, Separator::Space),
+        ] {
+            let mut tried = *numerals;
+            match self.row(text, separator, &mut tried) {
+                Ok(row) => {
+                    (*numerals, self.separator) = (tried, separator);
+                    return Ok(row);
+                }
+                Err(error) => first_error = first_error.or(Some(error)),
+            }
+        }
+        Err(first_error.unwrap_or_default())
+    }
 }
 
 /// The text after the mark of a comment.
@@ -135,27 +148,28 @@ fn comment(text: &str) -> Option<&str> {
     text.strip_prefix('#').or_else(|| text.strip_prefix("//"))
 }
 
-/// Reads a cloud. Times and intensities are returned only if every point has them.
+/// Reads a cloud.
 ///
 /// # Errors
-/// A line with another number of values than the header, coordinates that are not finite numbers, decimal commas, a
-/// repeated column, a number of points other than the file announces.
-fn read(input: &Input) -> Result<PointCloud> {
+/// A line with another number of values than the header, a repeated column, a number of points other than the file
+/// announces.
+fn read(input: &Input) -> Result<ReadCloud> {
     let mut lines = Lines::open(input)?;
     let mut header: Option<Header> = None;
     let mut announced: Option<u64> = None;
-    let mut cloud = PointCloud::default();
-    let (mut has_time, mut has_intensity) = (true, true);
+    let mut gathering = Gathering::default();
+    let mut numerals = Numerals::default();
+    let mut rows = 0u64;
     while lines.advance()? {
         let text = lines.text();
         if text.is_empty() {
             continue;
         }
-        if cloud.points.is_empty() {
+        if rows == 0 {
             let title = comment(text).unwrap_or(text);
             let separator = Separator::of(title);
             let names = separator.names(title);
-            if is_header(&names) {
+            if is_cloud(&names) {
                 header = Some(Header::of(&lines, names, separator)?);
                 continue;
             }
@@ -173,42 +187,27 @@ fn read(input: &Input) -> Result<PointCloud> {
             let found: String = text.chars().take(80).collect();
             return Err(lines.error(format!("`{found}`"), "a header with x, y, z"));
         };
-        if cloud.points.is_empty() {
-            // NumPy writes the names in a comment as its user gave them, and may separate the numbers otherwise.
-            let separator = Separator::of(text);
-            if header.row(text, separator).is_ok() {
-                header.separator = separator;
-            }
-        }
-        let row = header.row(text, header.separator);
+        let row = header.any_row(text, &mut numerals);
         let [x, y, z, time_s, intensity] =
             row.map_err(|(found, expected)| lines.error(found, expected))?;
-        cloud.points.push(Vec3::new(x, y, z));
-        has_time &= !time_s.is_nan();
-        has_intensity &= !intensity.is_nan();
-        if has_time {
-            cloud.time_s.push(time_s);
-        }
-        if has_intensity {
-            cloud.intensity.push(intensity as f32);
-        }
+        gathering.push(Vec3::new(x, y, z), time_s, intensity);
+        rows += 1;
     }
-    if !has_time {
-        cloud.time_s.clear();
-    }
-    if !has_intensity {
-        cloud.intensity.clear();
-    }
-    let count = cloud.points.len() as u64;
-    match announced {
-        Some(n) if n != count => Err(Error::format(
+    if let Some(n) = announced.filter(|n| *n != rows) {
+        return Err(Error::format(
             input.path(),
             Location::Whole,
-            format!("{count} points"),
+            format!("{rows} points"),
             format!("{n}, the number in the file"),
-        )),
-        _ => Ok(cloud),
+        ));
     }
+    if numerals.has_decimal_commas {
+        gathering.remark("commas are read as decimal marks".to_owned());
+    }
+    if let Some(remark) = header.as_ref().and_then(Header::left_out) {
+        gathering.remark(remark);
+    }
+    Ok(gathering.finish())
 }
 
 #[cfg(test)]
@@ -216,6 +215,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::cloud::PointCloud;
     use crate::format::{detect, read_cloud};
 
     fn cloud(name: &str, text: &str) -> Result<PointCloud> {
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn times_and_intensities_are_kept_if_every_point_has_them() {
+    fn times_and_intensities_are_kept_with_gaps() {
         for (time, intensity) in [
             ("GpsTime", "Intensity"),
             ("gps_time", "intensity"),
@@ -277,7 +277,8 @@ mod tests {
                 &format!("x,y,z,{intensity},{time}\n1,2,3,,0.5\n4,5,6,8,nan\n"),
             )
             .unwrap();
-            assert!(some.time_s.is_empty() && some.intensity.is_empty());
+            assert_eq!((some.time_s[0], some.intensity[1]), (0.5, 8.0));
+            assert!(some.time_s[1].is_nan() && some.intensity[0].is_nan());
         }
     }
 
@@ -288,9 +289,9 @@ mod tests {
             "x,y,z,roll,pitch,yaw\n1,2,3,4,5,6\n",
             "x y z qx qy qz qw\n1 2 3 0 0 0 1\n",
             "x,z\n1,2\n",
-            "easting,northing,height\n1,2,3\n",
+            "easting,northing,roll,pitch,yaw,height\n1,2,3,4,5,6\n",
         ] {
-            assert!(!is_header(
+            assert!(!is_cloud(
                 &Separator::of(text).names(text.lines().next().unwrap())
             ));
             let folder = tempfile::tempdir().unwrap();
@@ -302,15 +303,9 @@ mod tests {
 
     #[test]
     fn errors_name_the_line() {
-        let found = message("X;Y;Z\n1,5;2,5;3,5\n");
+        let found = message("X;Y;Z\n1,234;2,5;5,621,000\n");
         assert!(
-            found
-                .contains("line 2: found `1,5` in column X, expected a decimal point, not a comma"),
-            "{found}"
-        );
-        let found = message("X Y Z\n1,5 2,5 3,5\n");
-        assert!(
-            found.contains("expected a decimal point, not a comma"),
+            found.contains("line 2: found `5,621,000` in column Z, expected a number"),
             "{found}"
         );
         let found = message("x,y,z\n1,5,2,5,3,5\n");
@@ -323,11 +318,12 @@ mod tests {
             found.contains("line 3: found 2 values, expected 3 as in the header"),
             "{found}"
         );
-        let found = message("x,y,z\n1,2,nan\n");
+        let found = message("x,y,z\n1,2,inf\n");
         assert!(
-            found.contains("`nan` in column z, expected a finite number"),
+            found.contains("`inf` in column z, expected a number"),
             "{found}"
         );
+        assert!(message("x,y,z\n1,2,nan\n").contains("no point"));
         let found = message("x,y,z,X\n1,2,3,4\n");
         assert!(found.contains("the columns x and X"), "{found}");
         let found = message("//X Y Z\n3\n1 2 3\n");

@@ -7,8 +7,9 @@ mod recording;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
-use super::read::{open_profiles, read_cloud, read_trajectory};
+use super::read::{open_profiles, read_cloud_with_remarks, read_trajectory};
 use crate::error::{Error, Result};
+use crate::format::cloud::gathering::ReadCloud;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::columns::{PoseColumns, extra_names};
@@ -16,6 +17,7 @@ use crate::format::las::file::LasFile;
 use crate::format::log::tables::IMU;
 use crate::format::mountings::bonn_xml::read_mounting;
 use crate::format::poses::sbet;
+use crate::format::plausible::check_point;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
 use crate::sensor::{FixQuality, Observations};
@@ -89,11 +91,15 @@ fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> R
     let find = |names: [&str; 2]| wanted.iter().position(|name| names.contains(name));
     let time = find(["time_s", "sec_of_day"]);
     let range = find(["slope_distance_m", "slope_dist_m"]);
+    let [east, north, up] = ["east_m", "north_m", "up_m"].map(|name| find([name; 2]));
     let mut without_range = 0;
     let mut table = Table::open(input, columns)?;
     let mut summary = StreamSummary::of_columns(&wanted);
     let mut row = vec![0.0; wanted.len()];
     while table.next_row(&mut row)? {
+        let place = [east, north, up].map(|at| at.map_or(f64::NAN, |i| row[i]));
+        let time_s = time.map_or(f64::NAN, |i| row[i]);
+        check_point(input.path(), summary.count, &place.into(), time_s)?;
         let has_range = !range.is_some_and(|i| row[i] <= 0.0);
         without_range += usize::from(!has_range);
         let values = if has_range { &row[..] } else { &[] };
@@ -240,6 +246,7 @@ fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
     })? > 0
     {}
     report.columns = extra_names(&file);
+    report.notes.extend(file.remarks());
     if PoseColumns::of(&file).is_some() {
         report.notes.push(
             "every point carries the sensor's pose: the file can serve as profiles and as a \
@@ -251,7 +258,8 @@ fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
 }
 
 fn inspect_cloud(input: &Input, report: &mut Inspection) -> Result<()> {
-    let cloud = read_cloud(input)?;
+    let ReadCloud { cloud, remarks } = read_cloud_with_remarks(input)?;
+    report.notes.extend(remarks);
     let mut summary = StreamSummary::of_columns(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));

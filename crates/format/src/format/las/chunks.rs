@@ -202,6 +202,10 @@ mod tests {
         let message = |at: usize, value: u32| {
             let mut bytes = whole.clone();
             bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+            if at == 107 {
+                // The number of points with 64 bits, which counts if the two contradict each other.
+                bytes[247..251].copy_from_slice(&value.to_le_bytes());
+            }
             std::fs::write(&path, bytes).unwrap();
             let error = LasFile::open(&Input::from(&path)).err().expect("an error");
             error.to_string()

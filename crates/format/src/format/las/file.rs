@@ -1,29 +1,31 @@
 //! Defensive reading of LAS and LAZ: a damaged header must not exhaust memory, damaged points must
 //! not cause a panic.
 
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::BufReader;
 use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
+use crate::format::binary::bytes_at;
+use crate::format::cloud::crs::CoordinateUnit;
 use crate::format::file::guarded;
-use crate::format::input::{Input, Stream};
+use crate::format::input::Input;
 use crate::format::las::chunks as laz_chunks;
+use crate::format::las::header::{self as las_header, Checked};
+use crate::format::las::units::{converted, coordinate_unit, has_system};
+use crate::format::plausible::check_point;
+use crate::format::text::civil::{adjusted_gps_from_unix_s, unix_from_adjusted_gps_s};
 use crate::geometry::Vec3;
 
-/// More points than any chunk of a compressed file contains; real files have 50,000.
-const LARGEST_CHUNK: u64 = 100_000_000;
-/// The points of a compressed file unpack to at most this many times its size, plus `ALWAYS_BYTES`: a file that
-/// claims more was made to keep the reader busy.
-const MOST_EXPANDED: u64 = 250;
-const ALWAYS_BYTES: u64 = 8 << 20;
 /// Bytes of points decoded at a time, by each thread; a record may have 65,535 bytes.
 const LARGEST_PIECE: usize = 8 << 20;
 
 /// A decoded point with its optional values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LasPoint<'a> {
+    /// Metres.
     pub(crate) position: Vec3,
+    /// Seconds. Adjusted standard GPS time is converted to Unix time, like all other absolute times.
     pub(crate) time_s: f64,
     pub(crate) intensity: f32,
     /// The bytes after the standard fields.
@@ -43,6 +45,10 @@ pub(crate) struct LasFile {
     ready: Range<usize>,
     taken: u64,
     bytes: u64,
+    remarks: Vec<String>,
+    unit: Option<CoordinateUnit>,
+    /// Metres of a step of each coordinate of the file.
+    metres: Vec3,
 }
 
 fn problem(path: &Path, error: las::Error) -> Error {
@@ -57,11 +63,32 @@ fn problem(path: &Path, error: las::Error) -> Error {
 impl LasFile {
     /// Chunks of different sizes, as in COPC, are unpacked on all threads.
     pub(crate) fn open(input: &Input) -> Result<Self> {
-        let file = Self::reopen(input)?;
+        let mut file = Self::reopen(input)?;
         if laz_chunks::check(input, file.header(), file.bytes)? {
-            return Self::with(input, las::LazParallelism::Yes);
+            file = Self::with(input, las::LazParallelism::Yes)?;
         }
+        file.remarks.extend(Self::remark_on_week(input));
         Ok(file)
+    }
+
+    /// What to say if the first time is flagged as adjusted standard GPS time and looks like a time of the GPS week: as
+    /// such, it would be in the week of 2011-09-14.
+    fn remark_on_week(input: &Input) -> Option<String> {
+        const WEEK_S: f64 = 604_800.0;
+        let mut file = Self::reopen(input).ok()?;
+        let mut first_s = f64::NAN;
+        file.read(1, |_, point| {
+            first_s = adjusted_gps_from_unix_s(point.time_s);
+            Ok(())
+        })
+        .ok()?;
+        let is_week = file.has_adjusted_gps_time() && (0.0..WEEK_S).contains(&first_s);
+        is_week.then(|| {
+            format!(
+                "the header flags times as adjusted standard GPS times, of which {first_s} s is in September 2011: if \
+                 they are seconds of the GPS week, correct bit 0 of its global encoding"
+            )
+        })
     }
 
     /// As [`open`](Self::open) where the chunks were checked, or only the header is read; unpacks on one thread.
@@ -72,12 +99,24 @@ impl LasFile {
     }
 
     fn with(input: &Input, parallelism: las::LazParallelism) -> Result<Self> {
-        let (mut file, bytes) = input.open()?;
-        check_header(input.path(), &mut file, bytes)?;
+        let Checked {
+            content,
+            bytes,
+            remarks,
+        } = las_header::open(input)?;
         guarded(input.path(), "LAS or LAZ", || {
             let options = las::ReaderOptions::default().with_laz_parallelism(parallelism);
-            let reader = las::Reader::with_options(BufReader::new(file), options)
+            let reader = las::Reader::with_options(BufReader::new(content), options)
                 .map_err(|e| problem(input.path(), e))?;
+            let unit = coordinate_unit(reader.header());
+            let mut remarks = remarks;
+            if unit.is_none() && has_system(reader.header()) {
+                remarks.push(
+                    "the coordinate system does not name its unit: coordinates are read as metres"
+                        .to_owned(),
+                );
+            }
+            let metres = converted(unit.as_ref()).map_or(Vec3::repeat(1.0), |(_, metres)| metres);
             let points = las::PointDataBuilder::new()
                 .for_header(reader.header())
                 .build();
@@ -89,6 +128,9 @@ impl LasFile {
                 ready: 0..0,
                 taken: 0,
                 bytes,
+                remarks,
+                unit,
+                metres,
             })
         })
     }
@@ -105,8 +147,40 @@ impl LasFile {
         self.reader.header()
     }
 
+    /// Whether the file has adjusted standard GPS time, which is read as Unix time.
+    pub(crate) fn has_adjusted_gps_time(&self) -> bool {
+        self.has_time() && self.header().gps_time_type() == las::GpsTimeType::Standard
+    }
+
     pub(crate) fn has_time(&self) -> bool {
         self.header().point_format().has_gps_time
+    }
+
+    /// What was corrected or converted, one sentence each.
+    pub(crate) fn remarks(&self) -> Vec<String> {
+        let mut remarks = self.remarks.clone();
+        if let Some((name, metres)) = self.converted() {
+            remarks.push(format!(
+                "coordinates are converted to metres from the unit {name} of {} m (heights: {} m)",
+                metres.x, metres.z
+            ));
+        }
+        remarks
+    }
+
+    /// Whether coordinates are latitudes and longitudes.
+    pub(crate) fn is_geographic(&self) -> bool {
+        self.unit == Some(CoordinateUnit::Degree)
+    }
+
+    /// The name of the unit of the coordinates, if they are converted to metres, and its metres east, north and up.
+    pub(crate) fn converted(&self) -> Option<(&str, Vec3)> {
+        converted(self.unit.as_ref()).filter(|(_, metres)| *metres == self.metres)
+    }
+
+    /// Leaves coordinates in the unit of the file.
+    pub(crate) fn keep_unit(&mut self) {
+        self.metres = Vec3::repeat(1.0);
     }
 
     pub(crate) fn taken(&self) -> u64 {
@@ -148,6 +222,7 @@ impl LasFile {
             points,
             ready,
             taken,
+            metres,
             ..
         } = self;
         let path = input.path();
@@ -175,6 +250,8 @@ impl LasFile {
         *taken += count;
         let transforms = *reader.header().transforms();
         let time_at = if format.is_extended { 22 } else { 20 };
+        let time = |record: &[u8]| f64::from_le_bytes(bytes_at(record, time_at));
+        let is_adjusted = reader.header().gps_time_type() == las::GpsTimeType::Standard;
         let records = &points.raw_bytes()[given.start * length..given.end * length];
         for (i, record) in records.chunks_exact(length).enumerate() {
             let raw = |at: usize| i32::from_le_bytes(bytes_at(record, at));
@@ -183,18 +260,19 @@ impl LasFile {
                     transforms.x.direct(raw(0)),
                     transforms.y.direct(raw(4)),
                     transforms.z.direct(raw(8)),
-                ),
-                time_s: if format.has_gps_time {
-                    f64::from_le_bytes(bytes_at(record, time_at))
-                } else {
-                    f64::NAN
+                )
+                .component_mul(metres),
+                time_s: match (format.has_gps_time, is_adjusted) {
+                    (true, true) => unix_from_adjusted_gps_s(time(record)),
+                    (true, false) => time(record),
+                    (false, _) => f64::NAN,
                 },
                 intensity: f32::from(u16::from_le_bytes(bytes_at(record, 12))),
                 extra: &record[length - extra..],
                 record,
             };
             if !point.position.iter().all(|v| v.is_finite())
-                || (format.has_gps_time && !point.time_s.is_finite())
+                || (format.has_gps_time && !time(record).is_finite())
             {
                 return Err(point_error(
                     path,
@@ -203,6 +281,7 @@ impl LasFile {
                     "finite numbers",
                 ));
             }
+            check_point(path, first + i as u64, &point.position, point.time_s)?;
             take(first + i as u64, point)?;
         }
         Ok(count)
@@ -217,145 +296,4 @@ pub(crate) fn point_error(path: &Path, index: u64, found: &str, expected: &str) 
         format!("{found} at point {index}"),
         expected,
     )
-}
-
-pub(crate) fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
-    let mut out = [0; N];
-    out.copy_from_slice(&bytes[at..at + N]);
-    out
-}
-
-/// Checks the header against the size of the file before a decoder relies on it.
-fn check_header(path: &Path, file: &mut Stream, size: u64) -> Result<()> {
-    let short = |at: u64, what: &str| {
-        Error::format(
-            path,
-            Location::Byte(at),
-            format!("a LAS file of {size} bytes that ends before {what}"),
-            "a complete LAS or LAZ file",
-        )
-    };
-    let mut head = [0u8; 375];
-    let available = size.min(head.len() as u64) as usize;
-    file.read_exact(&mut head[..available])
-        .map_err(|e| Error::io(path, e))?;
-    if available < 227 {
-        return Err(short(size, "its header does"));
-    }
-    let minor = head[25];
-    if available < 375 && minor >= 4 {
-        return Err(short(size, "its header does"));
-    }
-    let u32_at = |at| u64::from(u32::from_le_bytes(bytes_at(&head, at)));
-    let u64_at = |at| u64::from_le_bytes(bytes_at(&head, at));
-    let data = u32_at(96);
-    if data > size {
-        return Err(short(96, "its points begin"));
-    }
-    let compressed = head[104] & 0x80 != 0;
-    let length = u64::from(u16::from_le_bytes(bytes_at(&head, 105)));
-    let points = match (u32_at(107), minor >= 4) {
-        (0, true) => u64_at(247),
-        (n, _) => n,
-    };
-    if !compressed && points.saturating_mul(length) > size - data {
-        return Err(short(107, &format!("its {points} points do")));
-    }
-    let most = size
-        .saturating_mul(MOST_EXPANDED)
-        .saturating_add(ALWAYS_BYTES);
-    if compressed && points.saturating_mul(length) > most {
-        return Err(Error::format(
-            path,
-            Location::Byte(107),
-            format!("{points} points of {length} bytes in a file of {size} bytes"),
-            format!("{most} bytes of points at most in a file of this size"),
-        ));
-    }
-    if compressed {
-        check_chunk_table(path, file, data, size, points)?;
-    }
-    if minor >= 4 {
-        check_extended_records(path, file, (u64_at(235), u32_at(243)), size)?;
-    }
-    file.seek(SeekFrom::Start(0))
-        .map_err(|e| Error::io(path, e))?;
-    Ok(())
-}
-
-/// Checks the position and length of the table of compressed chunks.
-fn check_chunk_table(
-    path: &Path,
-    file: &mut Stream,
-    data: u64,
-    size: u64,
-    points: u64,
-) -> Result<()> {
-    let mut read_at = |at: u64| -> Result<[u8; 8]> {
-        let mut bytes = [0; 8];
-        file.seek(SeekFrom::Start(at))
-            .and_then(|_| file.read_exact(&mut bytes))
-            .map_err(|e| match e.kind() {
-                std::io::ErrorKind::UnexpectedEof => Error::format(
-                    path,
-                    Location::Byte(size),
-                    "the end of the file",
-                    "compressed points and the table of their chunks",
-                ),
-                _ => Error::io(path, e),
-            })?;
-        Ok(bytes)
-    };
-    let mut table = i64::from_le_bytes(read_at(data)?);
-    if table <= data as i64 {
-        table = i64::from_le_bytes(read_at(size.saturating_sub(8))?);
-    }
-    if table <= data as i64 {
-        return Ok(());
-    }
-    let head = read_at(table as u64)?;
-    let chunks = u64::from(u32::from_le_bytes(bytes_at(&head, 4)));
-    // A chunk takes at least a byte, and no writer makes more chunks than there are points.
-    if chunks > size.min(points.max(1)) || points > chunks.max(1) * LARGEST_CHUNK {
-        return Err(Error::format(
-            path,
-            Location::Byte(table as u64 + 4),
-            format!("{chunks} compressed chunks for {points} points"),
-            "a table of chunks that fits the file",
-        ));
-    }
-    Ok(())
-}
-
-/// Checks that extended records, which are read into memory, end within the file.
-fn check_extended_records(
-    path: &Path,
-    file: &mut Stream,
-    (first, count): (u64, u64),
-    size: u64,
-) -> Result<()> {
-    const HEAD: u64 = 60;
-    let mut at = first;
-    for record in 0..count {
-        let mut head = [0; HEAD as usize];
-        let error = |found: String| {
-            let expected = "an extended record that ends within the file";
-            Error::format(path, Location::Byte(at), found, expected)
-        };
-        if at.saturating_add(HEAD) > size {
-            return Err(error(format!(
-                "extended record {record} of {count} beyond the end"
-            )));
-        }
-        file.seek(SeekFrom::Start(at))
-            .and_then(|_| file.read_exact(&mut head))
-            .map_err(|e| Error::io(path, e))?;
-        let length = u64::from_le_bytes(bytes_at(&head, 20));
-        let end = at.saturating_add(HEAD).saturating_add(length);
-        if end > size {
-            return Err(error(format!("an extended record of {length} bytes")));
-        }
-        at = end;
-    }
-    Ok(())
 }

@@ -7,18 +7,18 @@ use crate::format::file::guarded;
 use crate::format::input::Input;
 use crate::format::las::columns::PoseColumns;
 use crate::format::las::file::LasFile;
+use crate::format::las::units::{IS_GEOGRAPHIC, LINEAR_UNIT, MODEL_TYPE, epsg_unit, key};
 use las::crs::{GeoTiffCrs, GeoTiffData};
 
-/// GeoTIFF keys of the system: its type, names, codes and unit of length.
-const MODEL_TYPE: u16 = 1024;
+/// GeoTIFF keys of the system: its names and codes.
 const CITATION: u16 = 1026;
 const GEOGRAPHIC: u16 = 2048;
 const PROJECTED: u16 = 3072;
 const PROJECTED_CITATION: u16 = 3073;
-const LINEAR_UNIT: u16 = 3076;
-/// Model types.
+/// Model type of projected coordinates.
 const IS_PROJECTED: u16 = 1;
-const IS_GEOGRAPHIC: u16 = 2;
+/// How a unit other than the metre is read.
+const CONVERTED: &str = "converted to metres";
 /// GeoTIFF codes that are EPSG codes; the others stand for no code.
 const CODES: std::ops::Range<u16> = 1024..32767;
 
@@ -31,7 +31,11 @@ pub(crate) fn describe(input: &Input) -> Result<String> {
     let header = file.header();
     let keys = guarded(input.path(), "LAS or LAZ", || Ok(header.get_geotiff_crs()))?;
     let wkt = header.get_wkt_crs_bytes().map(String::from_utf8_lossy);
-    let system = match (wkt.as_deref().and_then(describe_wkt), keys) {
+    let system = match (
+        wkt.as_deref()
+            .and_then(|text| describe_wkt(text, CONVERTED)),
+        keys,
+    ) {
         (Some(text), _) => format!("{text} (WKT of the file)"),
         (None, Ok(Some(keys))) => describe_keys(&keys),
         (None, Ok(None)) => {
@@ -48,15 +52,7 @@ pub(crate) fn describe(input: &Input) -> Result<String> {
 }
 
 fn describe_keys(keys: &GeoTiffCrs) -> String {
-    let number = |id: u16| {
-        keys.entries
-            .iter()
-            .find(|entry| entry.id == id)
-            .and_then(|entry| match entry.data {
-                GeoTiffData::U16(value) => Some(value),
-                _ => None,
-            })
-    };
+    let number = |id: u16| key(keys, id);
     let text = |id: u16| {
         keys.entries
             .iter()
@@ -85,10 +81,10 @@ fn describe_keys(keys: &GeoTiffCrs) -> String {
     };
     let unit = match number(LINEAR_UNIT) {
         _ if is_geographic => ANGLES.to_owned(),
-        Some(9001) => describe_unit("metre", 1.0),
-        Some(9002) => describe_unit("foot", 0.3048),
-        Some(9003) => describe_unit("US survey foot", 1200.0 / 3937.0),
-        Some(code) => format!("unit EPSG:{code}, but read as metres"),
+        Some(code) => match epsg_unit(code) {
+            Some((name, metres)) => describe_unit(name, metres, CONVERTED),
+            None => format!("unit EPSG:{code}, but read as metres"),
+        },
         None => "unit of that system, read as metres".to_owned(),
     };
     format!("{name}; {unit} (GeoTIFF keys of the file)")
@@ -146,7 +142,7 @@ mod tests {
             keys(&[[1024, 0, 1, 1], [3072, 0, 1, 26917], [3076, 0, 1, 9002]]),
         )]);
         let expected =
-            "EPSG:26917; unit foot of 0.3048 m, but read as metres (GeoTIFF keys of the file);";
+            "EPSG:26917; unit foot of 0.3048 m, converted to metres (GeoTIFF keys of the file);";
         assert!(found.starts_with(expected), "{found}");
         let found = frame(&[(34735, keys(&[[1024, 0, 1, 2], [2048, 0, 1, 4326]]))]);
         assert!(

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::ReadCloud;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::file::{LasFile, LasPoint};
@@ -30,6 +31,24 @@ fn count_of(file: &LasFile) -> Result<u64> {
         0 => Err(nothing_in(file.path(), "point")),
         count => Ok(count),
     }
+}
+
+/// What is said about a LAS or LAZ file before its points are used as metres.
+///
+/// # Errors
+/// As [`las_count`]; coordinates that are latitudes and longitudes.
+pub fn las_remarks(input: impl Into<Input>) -> Result<Vec<String>> {
+    let input = &input.into();
+    let file = LasFile::reopen(input)?;
+    if file.is_geographic() {
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            "latitudes and longitudes (the coordinate system of the file)",
+            "lengths: project the cloud first, for example with PDAL's filters.reprojection",
+        ));
+    }
+    Ok(file.remarks())
 }
 
 /// Calls `each` with the points of a LAS or LAZ file (metres), in order, in pieces of at most
@@ -60,7 +79,7 @@ pub fn stream_las(
 }
 
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
-pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
+pub(crate) fn read_las(input: &Input) -> Result<ReadCloud> {
     let mut file = LasFile::open(input)?;
     let count = count_of(&file)?;
     let empty = |most| PointCloud {
@@ -76,10 +95,11 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
             cloud.time_s.push(point.time_s);
         }
     };
+    let remarks = file.remarks();
     let mut cloud = empty(count as usize);
     if !file.can_seek() {
         read_until(&mut file, count, &mut cloud, take)?;
-        return Ok(cloud);
+        return Ok(ReadCloud { cloud, remarks });
     }
     let parts = read_parts(input, 0..count.div_ceil(PART), count, empty, take)?;
     for part in parts {
@@ -87,7 +107,7 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
         cloud.time_s.extend(part.time_s);
         cloud.intensity.extend(part.intensity);
     }
-    Ok(cloud)
+    Ok(ReadCloud { cloud, remarks })
 }
 
 /// As [`stream_las`], on one thread, for a file in which the decoder cannot seek.

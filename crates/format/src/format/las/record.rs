@@ -3,16 +3,13 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::format::cloud::sink::{CloudClock, CloudGrid, CloudShape};
-use crate::format::text::civil::{gps_from_unix_s, unix_from_gps_s};
+use crate::format::cloud::sink::{CLOUD_STEP_M, CloudClock, CloudGrid, CloudShape};
+use crate::format::text::civil::adjusted_gps_from_unix_s;
 use crate::geometry::Vec3;
 
 /// Bytes of a point of format 6 without extra bytes, and of format 0, which has no time.
 pub(crate) const RECORD: usize = 30;
 const TIMELESS_RECORD: usize = 20;
-
-/// GPS time counts from 1980-01-06; its adjusted form is smaller by this, seconds.
-const GPS_ADJUSTMENT_S: f64 = 1e9;
 
 /// The dimension whose values are also those of `point_source_id`.
 pub(crate) const SCANNER: &str = "scanner";
@@ -20,14 +17,9 @@ pub(crate) const SCANNER: &str = "scanner";
 /// The time of a point as LAS stores it: Unix times become adjusted standard GPS time.
 pub(crate) fn gps_time_s(clock: CloudClock, time_s: f64) -> f64 {
     match clock {
-        CloudClock::Unix => gps_from_unix_s(time_s) - GPS_ADJUSTMENT_S,
+        CloudClock::Unix => adjusted_gps_from_unix_s(time_s),
         _ => time_s,
     }
-}
-
-/// The Unix time of a point with adjusted standard GPS time.
-pub(crate) fn unix_from_adjusted_gps_s(time_s: f64) -> f64 {
-    unix_from_gps_s(time_s + GPS_ADJUSTMENT_S)
 }
 
 /// Refuses a time that readers would refuse.
@@ -89,30 +81,17 @@ impl Placement {
         Ok(Self { offset_m, step_m })
     }
 
-    /// For points between `low` and `high`, metres: the step is `finest_m`, or the smallest power
-    /// of ten times it for which 32 bits span the points.
+    /// For a cloud of this shape: its grid if it has one, or steps of [`CLOUD_STEP_M`] around its middle. If these do
+    /// not reach all points, the middle is the median, so that the far points are refused and not the others.
     ///
     /// # Errors
     /// Bounds that are not finite.
-    pub(crate) fn spanning(path: &Path, low: &Vec3, high: &Vec3, finest_m: f64) -> Result<Self> {
-        // Rounding the offset to whole metres costs half a metre on each side.
-        let reach_m = ((high - low) / 2.0).amax() + 1.0;
-        let mut step_m = finest_m;
-        while step_m * f64::from(i32::MAX) < reach_m && reach_m.is_finite() {
-            step_m *= 10.0;
+    pub(crate) fn of(path: &Path, shape: &CloudShape) -> Result<Self> {
+        if let Some(CloudGrid { offset_m, step_m }) = shape.grid {
+            return Ok(Self { offset_m, step_m });
         }
-        Self::at(path, &(low + (high - low) / 2.0), step_m)
-    }
-
-    /// For a cloud of this shape: its grid if it has one, or a grid that spans its coordinates.
-    ///
-    /// # Errors
-    /// Bounds that are not finite.
-    pub(crate) fn of(path: &Path, shape: &CloudShape, finest_m: f64) -> Result<Self> {
-        match shape.grid {
-            Some(CloudGrid { offset_m, step_m }) => Ok(Self { offset_m, step_m }),
-            None => Self::spanning(path, &shape.low, &shape.high, finest_m),
-        }
+        let middle_m = shape.low + (shape.high - shape.low) / 2.0;
+        Self::at(path, &shape.median.unwrap_or(middle_m), CLOUD_STEP_M)
     }
 
     /// The steps of a point in the world frame (m) from the offset.
@@ -131,18 +110,23 @@ impl Placement {
     fn too_far(&self, path: &Path, point: &Vec3, time_s: f64) -> Error {
         Error::data(
             format!(
-                "{}: the point ({}, {}, {}) m at {time_s} s lies more than {:.0} m from \
-                 ({}, {}, {}) m",
+                "{}: the point ({}, {}, {}) m{} lies more than {:.0} m from ({}, {}, {}) m",
                 path.display(),
                 point.x,
                 point.y,
                 point.z,
+                if time_s.is_finite() {
+                    format!(" at {time_s} s")
+                } else {
+                    String::new()
+                },
                 self.step_m * f64::from(i32::MAX),
                 self.offset_m.x,
                 self.offset_m.y,
                 self.offset_m.z,
             ),
-            "check the coordinates: a LAS file spans 2³² of its steps at most",
+            "leave such points out: a LAS file spans 2³² of its steps at most, 43 km with steps of 0.01 mm; E57, PLY, Parquet \
+             and CSV hold any distance",
         )
     }
 

@@ -3,17 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
-use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape, CloudSink};
+use crate::format::cloud::sink::{CLOUD_STEP_M, CloudClock, CloudPoint, CloudShape, CloudSink};
 use crate::format::las::batches::{LasOut, is_compressed};
 use crate::format::las::extra::dimension::{self, ExtraDimension};
 use crate::format::las::record::{
     Placement, SCANNER, append_record, check_time, gps_time_s, is_adjusted_gps, wkt_record,
 };
+use crate::format::las::value::ExtraValue;
 use crate::geometry::Vec3;
-
-/// Step of the coordinates in written clouds, metres: it preserves 0.01 mm, and 32 bits reach 21 km
-/// to each side of the offset.
-pub const CLOUD_STEP_M: f64 = 1e-5;
 
 /// Writes a LAS 1.4 file of point format 6, compressed if its name ends in `.laz`: position, GPS
 /// time, intensity, the scanner's number as `point_source_id` and, up to 255, as `user_data`, and
@@ -57,13 +54,13 @@ impl CloudWriter {
     }
 
     /// Creates or replaces the file for a cloud of this shape. Coordinates are on its grid, or rounded to
-    /// [`CLOUD_STEP_M`] or the smallest power of ten for which 32 bits span the points. Without times the
+    /// [`CLOUD_STEP_M`]; a point that this step does not reach is refused. Without times the
     /// point format is 0, which has none.
     ///
     /// # Errors
     /// As [`CloudWriter::create`]; names of dimensions that LAS does not allow.
     pub fn spanning(path: &Path, shape: &CloudShape) -> Result<Self> {
-        let placement = Placement::of(path, shape, CLOUD_STEP_M)?;
+        let placement = Placement::of(path, shape)?;
         Self::open(path, placement, shape)
     }
 
@@ -126,7 +123,7 @@ impl CloudWriter {
         time_s: f64,
         intensity: f32,
         scanner: u16,
-        values: &[f64],
+        values: &[ExtraValue],
     ) -> Result<()> {
         let steps = self.placement.steps(&self.path, point, time_s)?;
         if self.has_time {
@@ -136,7 +133,7 @@ impl CloudWriter {
         self.record.clear();
         append_record(steps, time_s, intensity, scanner, &mut self.record);
         for (at, dimension) in self.dimensions.iter().enumerate() {
-            let value = values.get(at).copied().unwrap_or(f64::NAN);
+            let value = values.get(at).copied().unwrap_or(ExtraValue::NONE);
             dimension.kind.append(value, &mut self.record);
         }
         self.out.push(&[&self.record])
@@ -155,7 +152,7 @@ impl CloudSink for CloudWriter {
     fn push(&mut self, point: &CloudPoint<'_>) -> Result<()> {
         let scanner = self.scanner.and_then(|at| point.values.get(at));
         // `as` saturates and converts NaN to 0.
-        let scanner = scanner.map_or(0, |number| *number as u16);
+        let scanner = scanner.map_or(0, |number| number.number() as u16);
         let CloudPoint {
             position,
             time_s,
@@ -195,7 +192,7 @@ mod tests {
                 position: Vec3::new(0.25, 0.5, number as f64),
                 time_s,
                 intensity: 7.0,
-                values: &[300.0 + number as f64, 0.002],
+                values: &[300.0 + number as f64, 0.002].map(ExtraValue::Number),
             };
             writer.push(&point).unwrap();
         }

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::format::file::{extension, nothing_in};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::las::value::ExtraValue;
 use crate::format::parquet::ParquetTable;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::Vec3;
@@ -141,15 +142,16 @@ impl TableWriter {
 
     /// Writes a row of numbers in the shortest form that reads back as the same number; NaN becomes
     /// an empty cell.
-    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = f64>) -> Result<()> {
+    pub(crate) fn row<V: Into<ExtraValue>>(
+        &mut self,
+        cells: impl IntoIterator<Item = V>,
+    ) -> Result<()> {
         self.put(|out| {
             for (i, cell) in cells.into_iter().enumerate() {
                 if i > 0 {
                     out.write_all(b",")?;
                 }
-                if !cell.is_nan() {
-                    write!(out, "{cell}")?;
-                }
+                write!(out, "{}", cell.into())?;
             }
             out.write_all(b"\n")
         })

@@ -4,7 +4,8 @@ use super::*;
 use crate::format::cloud::sink::{CloudPoint, CloudShape};
 use crate::format::mutation::for_each_damaged;
 use crate::format::{
-    ExtraDimension, ExtraKind, detect, inspect, open_profiles, read_cloud, read_trajectory, salvage,
+    ExtraDimension, ExtraKind, ExtraValue, detect, inspect, open_profiles, read_cloud,
+    read_trajectory, salvage,
 };
 use crate::geometry::Vec3;
 
@@ -112,7 +113,7 @@ fn write_cloud(path: &Path) {
             position: Vec3::new(f / 3.0, -f, f.sqrt()),
             time_s: 1e9 + f,
             intensity: 0.5 * k as f32,
-            values: &[f64::NAN, 4e9 + 1e4 * f],
+            values: &[f64::NAN, 4e9 + 1e4 * f].map(ExtraValue::Number),
         };
         sink.push(&point).unwrap();
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ::parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
-use ::parquet::data_type::{DataType, DoubleType, FloatType, Int32Type};
+use ::parquet::data_type::{DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::metadata::KeyValue;
 use ::parquet::file::properties::{EnabledStatistics, WriterProperties};
@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::format::cloud::sink::{CloudPoint, CloudShape, CloudSink};
 use crate::format::cloud::sink_checks::check_position;
 use crate::format::las::extra::ExtraKind;
+use crate::format::las::value::ExtraValue;
 
 /// Rows per row group.
 const GROUP: usize = 100_000;
@@ -33,6 +34,9 @@ enum Cells {
     U32(Vec<i32>),
     /// With the definition level of every row: 0 for a null.
     Optional(Vec<f64>, Vec<i16>),
+    I64(Vec<i64>, Vec<i16>),
+    /// The bits of unsigned numbers.
+    U64(Vec<i64>, Vec<i16>),
 }
 
 impl Cells {
@@ -41,9 +45,11 @@ impl Cells {
             Self::F64(_) | Self::Optional(..) => (Physical::DOUBLE, None),
             Self::F32(_) => (Physical::FLOAT, None),
             Self::U32(_) => (Physical::INT32, Some(LogicalType::integer(32, false))),
+            Self::I64(..) => (Physical::INT64, Some(LogicalType::integer(64, true))),
+            Self::U64(..) => (Physical::INT64, Some(LogicalType::integer(64, false))),
         };
         let repetition = match self {
-            Self::Optional(..) => Repetition::OPTIONAL,
+            Self::Optional(..) | Self::I64(..) | Self::U64(..) => Repetition::OPTIONAL,
             _ => Repetition::REQUIRED,
         };
         Type::primitive_type_builder(name, kind)
@@ -52,15 +58,19 @@ impl Cells {
             .build()
     }
 
-    fn push(&mut self, value: f64) {
+    fn push(&mut self, value: ExtraValue) {
+        let number = value.number();
         match self {
-            Self::F64(values) => values.push(value),
-            Self::F32(values) => values.push(value as f32),
+            Self::F64(values) => values.push(number),
+            Self::F32(values) => values.push(number as f32),
             // `as` saturates and converts NaN to 0.
-            Self::U32(values) => values.push((value as u32).cast_signed()),
+            Self::U32(values) => values.push((number as u32).cast_signed()),
             Self::Optional(values, levels) => {
-                levels.push(i16::from(!value.is_nan()));
-                values.extend((!value.is_nan()).then_some(value));
+                push_some(values, levels, (!number.is_nan()).then_some(number));
+            }
+            Self::I64(values, levels) => push_some(values, levels, value.signed()),
+            Self::U64(values, levels) => {
+                push_some(values, levels, value.unsigned().map(u64::cast_signed));
             }
         }
     }
@@ -78,8 +88,19 @@ impl Cells {
                 levels.clear();
                 Ok(())
             }
+            Self::I64(values, levels) | Self::U64(values, levels) => {
+                write::<Int64Type>(column, values, Some(levels))?;
+                levels.clear();
+                Ok(())
+            }
         }
     }
+}
+
+/// Appends a value and its definition level.
+fn push_some<T>(values: &mut Vec<T>, levels: &mut Vec<i16>, value: Option<T>) {
+    levels.push(i16::from(value.is_some()));
+    values.extend(value);
 }
 
 fn write<T: DataType>(
@@ -137,11 +158,11 @@ impl Sheet {
         })
     }
 
-    /// Appends a row; missing cells are NaN.
-    fn push(&mut self, cells: impl IntoIterator<Item = f64>) -> Result<()> {
+    /// Appends a row; missing cells have no value.
+    fn push(&mut self, cells: impl IntoIterator<Item = ExtraValue>) -> Result<()> {
         let mut cells = cells.into_iter();
         for column in &mut self.columns {
-            column.push(cells.next().unwrap_or(f64::NAN));
+            column.push(cells.next().unwrap_or(ExtraValue::NONE));
         }
         debug_assert!(cells.next().is_none(), "more cells than columns");
         self.rows += 1;
@@ -218,8 +239,11 @@ pub fn parquet_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink
     for dimension in &shape.dimensions {
         let cells = match dimension.kind {
             ExtraKind::F32 => f32s(),
-            ExtraKind::F64 => f64s(),
+            // Values of LAS that stand for no data are nulls.
+            ExtraKind::F64 => Cells::Optional(Vec::new(), Vec::new()),
             ExtraKind::U32 => Cells::U32(Vec::new()),
+            ExtraKind::I64 => Cells::I64(Vec::new(), Vec::new()),
+            ExtraKind::U64 => Cells::U64(Vec::new(), Vec::new()),
         };
         columns.push((&dimension.name, cells));
     }
@@ -239,7 +263,7 @@ impl CloudSink for ParquetCloud {
         let intensity = self.has_intensity.then_some(f64::from(point.intensity));
         let values = point.values.iter().copied().take(self.dimensions);
         let cells = [p.x, p.y, p.z].into_iter().chain(time).chain(intensity);
-        self.sheet.push(cells.chain(values))
+        self.sheet.push(cells.map(ExtraValue::Number).chain(values))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -268,7 +292,7 @@ impl ParquetTable {
     /// # Errors
     /// The file cannot be written.
     pub fn row(&mut self, cells: impl IntoIterator<Item = f64>) -> Result<()> {
-        self.0.push(cells)
+        self.0.push(cells.into_iter().map(ExtraValue::Number))
     }
 
     /// Completes the file.

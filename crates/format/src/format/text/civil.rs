@@ -60,6 +60,30 @@ pub(crate) fn second_of_day(hour: u32, minute: u32, second_s: f64) -> Option<f64
     is_time.then(|| f64::from(hour * 3600 + minute * 60) + second_s)
 }
 
+/// The Unix time at a date with a time of day of UTC: `2024-05-01T12:00:00.25Z`, also with a blank in place of the `T`
+/// and with an offset such as `+02:00` in place of the `Z`; `None` for other text.
+pub(crate) fn unix_from_iso(text: &str) -> Option<f64> {
+    let (date, time) = text.trim().split_once(['T', ' '])?;
+    let at = time.find(['Z', 'z', '+', '-']).unwrap_or(time.len());
+    let (time, zone) = time.split_at(at);
+    let offset_s = match zone {
+        "" | "Z" | "z" => 0.0,
+        _ => {
+            let sign = if zone.starts_with('-') { -1.0 } else { 1.0 };
+            let (hours, minutes) = zone[1..].split_once(':').unwrap_or((&zone[1..], "0"));
+            sign * second_of_day(hours.parse().ok()?, minutes.parse().ok()?, 0.0)?
+        }
+    };
+    let (hour, rest) = time.split_once(':')?;
+    let (minute, second) = rest.split_once(':').unwrap_or((rest, "0"));
+    let second = second_of_day(
+        hour.parse().ok()?,
+        minute.parse().ok()?,
+        second.parse().ok()?,
+    )?;
+    Some(day_number(date)? as f64 * DAY_S + second - offset_s)
+}
+
 /// Times (Unix seconds) from which GPS is ahead of UTC, and by how many seconds.
 const LEAP_SECONDS: [(f64, f64); 19] = [
     (315_964_800.0, 0.0),
@@ -83,6 +107,9 @@ const LEAP_SECONDS: [(f64, f64); 19] = [
     (1_483_228_800.0, 18.0),
 ];
 
+/// Adjusted standard GPS time is smaller than GPS time by this, seconds (LAS 1.4, global encoding).
+const GPS_ADJUSTMENT_S: f64 = 1e9;
+
 /// GPS time, seconds since 1980-01-06, at a Unix time.
 pub(crate) fn gps_from_unix_s(unix_s: f64) -> f64 {
     let ahead_s = LEAP_SECONDS.iter().rfind(|(from_s, _)| *from_s <= unix_s);
@@ -94,6 +121,16 @@ pub(crate) fn unix_from_gps_s(gps_s: f64) -> f64 {
     let begun = |(from_s, ahead_s): &&(f64, f64)| from_s - LEAP_SECONDS[0].0 + ahead_s <= gps_s;
     let ahead_s = LEAP_SECONDS.iter().rfind(begun);
     gps_s + LEAP_SECONDS[0].0 - ahead_s.map_or(0.0, |(_, ahead_s)| *ahead_s)
+}
+
+/// Adjusted standard GPS time, seconds since 1980-01-06 less 10⁹, at a Unix time.
+pub(crate) fn adjusted_gps_from_unix_s(unix_s: f64) -> f64 {
+    gps_from_unix_s(unix_s) - GPS_ADJUSTMENT_S
+}
+
+/// The Unix time at an adjusted standard GPS time.
+pub(crate) fn unix_from_adjusted_gps_s(time_s: f64) -> f64 {
+    unix_from_gps_s(time_s + GPS_ADJUSTMENT_S)
 }
 
 /// Formats seconds since 1970 as date and time, `2026-11-23 08:29:20`.
@@ -177,6 +214,26 @@ mod tests {
         assert_eq!(gps_from_unix_s(unix_s), 2238.0 * 7.0 * DAY_S);
         for unix_s in [unix_s, 1_483_228_799.25, 1_483_228_800.0, 4e8] {
             assert_eq!(unix_from_gps_s(gps_from_unix_s(unix_s)), unix_s);
+        }
+    }
+
+    #[test]
+    fn dates_with_times_are_unix_times() {
+        for text in [
+            "2023-11-14T22:13:20.5Z",
+            "2023-11-14 22:13:20.5",
+            "2023-11-15T00:13:20.5+02:00",
+        ] {
+            assert_eq!(unix_from_iso(text), Some(1_700_000_000.5), "{text}");
+        }
+        for text in [
+            "2023-11-14",
+            "22:13:20",
+            "2023-13-14T22:13:20Z",
+            "2023-11-14T25:13:20Z",
+            "a T b",
+        ] {
+            assert_eq!(unix_from_iso(text), None, "{text}");
         }
     }
 

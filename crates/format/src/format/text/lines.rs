@@ -7,6 +7,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::is_in_recording;
 use crate::format::input::{Input, Stream};
 use crate::format::parquet;
+use crate::format::text::numerals::Numerals;
 
 /// Lines of this many bytes do not belong to a table; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -26,11 +27,12 @@ pub(crate) struct Lines {
     total: u64,
     /// Whether a last line without a line end is left out.
     complete_only: bool,
+    numerals: Numerals,
 }
 
 impl Lines {
     pub(crate) fn open(input: &Input) -> Result<Self> {
-        let (file, total) = input.open()?;
+        let (file, total) = utf8(input)?;
         Ok(Self {
             path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
@@ -40,17 +42,17 @@ impl Lines {
             total,
             // A recording may have ended in the middle of a line when the power failed.
             complete_only: is_in_recording(input.path()),
+            numerals: Numerals::default(),
         })
     }
 
     /// Reads the next line; false at the end.
     pub(crate) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
-        let read = (&mut self.reader)
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut self.line)
-            .map_err(|e| Error::io(&self.path, e))? as u64;
-        if self.complete_only && read < LONGEST_LINE && !self.line.ends_with(b"\n") {
+        self.read_line().map_err(|e| Error::io(&self.path, e))?;
+        let read = self.line.len() as u64;
+        let is_complete = self.line.ends_with(b"\n") || self.line.ends_with(b"\r");
+        if self.complete_only && read < LONGEST_LINE && !is_complete {
             self.line.clear();
             return Ok(false);
         }
@@ -73,7 +75,37 @@ impl Lines {
         Ok(read > 0)
     }
 
-    /// The line last read, without white space around it.
+    /// Reads a line with its end: a line feed, a carriage return, or both.
+    fn read_line(&mut self) -> std::io::Result<()> {
+        while (self.line.len() as u64) < LONGEST_LINE {
+            let buffer = self.reader.fill_buf()?;
+            if buffer.is_empty() {
+                break;
+            }
+            if self.line.ends_with(b"\r") {
+                // The rest of the end of this line, or the next line.
+                if buffer[0] == b'\n' {
+                    self.line.push(b'\n');
+                    self.reader.consume(1);
+                }
+                break;
+            }
+            let most = buffer.len().min(LONGEST_LINE as usize - self.line.len());
+            let end = buffer[..most]
+                .iter()
+                .position(|b| matches!(b, b'\n' | b'\r'));
+            let taken = end.map_or(most, |end| end + 1);
+            self.line.extend_from_slice(&buffer[..taken]);
+            self.reader.consume(taken);
+            if self.line.ends_with(b"\n") {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The line last read, without white space around it. A first line that only names the separator, as Excel reads
+    /// it, is empty.
     pub(crate) fn text(&self) -> &str {
         let bytes = if self.number == 1 {
             self.line
@@ -83,7 +115,17 @@ impl Lines {
             &self.line
         };
         // `advance` has checked that it is UTF-8.
-        std::str::from_utf8(bytes).unwrap_or_default().trim_ascii()
+        let text = std::str::from_utf8(bytes).unwrap_or_default().trim_ascii();
+        let is_separator = |rest: &str| rest.len() <= 1 || rest == "\\t";
+        let has_mark = self.number == 1
+            && text
+                .get(..4)
+                .is_some_and(|t| t.eq_ignore_ascii_case("sep="));
+        if has_mark && is_separator(&text[4..]) {
+            ""
+        } else {
+            text
+        }
     }
 
     /// Reads the next line that is neither empty nor a comment; false at the end.
@@ -96,12 +138,26 @@ impl Lines {
         Ok(false)
     }
 
-    /// Reads the next line that is neither empty nor a comment; false at the end. The line must hold
-    /// finite numbers only, as many as `fits` accepts.
+    /// Reads the next line that is neither empty nor a comment; false at the end. The line must hold finite numbers
+    /// only, as many as `fits` accepts.
     pub(crate) fn next_numbers(
         &mut self,
         cells: &mut Vec<f64>,
         fits: impl Fn(usize) -> bool,
+        expected: impl FnOnce() -> String,
+    ) -> Result<bool> {
+        self.next_row(
+            cells,
+            |row| fits(row.len()) && row.iter().all(|v| v.is_finite()),
+            expected,
+        )
+    }
+
+    /// As [`Self::next_numbers`], but `fits` sees the numbers, which are NaN where a value is missing.
+    pub(crate) fn next_row(
+        &mut self,
+        cells: &mut Vec<f64>,
+        fits: impl Fn(&[f64]) -> bool,
         expected: impl FnOnce() -> String,
     ) -> Result<bool> {
         while self.advance()? {
@@ -109,13 +165,20 @@ impl Lines {
             if text.is_empty() || text.starts_with('#') {
                 continue;
             }
-            if numbers(text, cells) && fits(cells.len()) && cells.iter().all(|v| v.is_finite()) {
+            let mut numerals = self.numerals;
+            if row(text, &mut numerals, cells) && fits(cells) {
+                self.numerals = numerals;
                 return Ok(true);
             }
             let found: String = text.chars().take(80).collect();
             return Err(self.error(format!("`{found}`"), expected()));
         }
         Ok(false)
+    }
+
+    /// How commas in numbers are read.
+    pub(crate) fn numerals(&self) -> Numerals {
+        self.numerals
     }
 
     /// The line last read, counted from 1.
@@ -137,11 +200,34 @@ impl Lines {
     }
 }
 
+/// Text as UTF-8, and its number of bytes. Text that begins with the mark of UTF-16 is converted in memory.
+fn utf8(input: &Input) -> Result<(Stream, u64)> {
+    let (mut stream, total) = input.open()?;
+    let start = input.first_bytes(&mut stream)?;
+    let read: fn([u8; 2]) -> u16 = match start.as_slice() {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ => return Ok((stream, total)),
+    };
+    let mut bytes = Vec::new();
+    stream
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io(input.path(), e))?;
+    let units = bytes.as_chunks::<2>().0.iter().map(|unit| read(*unit));
+    let text: String = char::decode_utf16(units)
+        .map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER))
+        .collect();
+    let total = text.len() as u64;
+    Ok((Stream::in_memory(text.into_bytes()), total))
+}
+
 /// The separator between the cells of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Separator {
     Comma,
     Semicolon,
+    /// One tab between cells, which may be empty.
+    Tab,
     Space,
 }
 
@@ -149,14 +235,17 @@ impl Separator {
     pub(crate) fn of(line: &str) -> Self {
         if line.contains(';') {
             Self::Semicolon
-        } else if line.contains(',') {
+        } else if line.contains(',') && !has_decimal_commas(line) {
             Self::Comma
+        } else if line.contains('\t') && !line.contains(' ') && !line.contains("\t\t") {
+            Self::Tab
         } else {
             Self::Space
         }
     }
 
-    /// Passes every cell of `line` with its index to `take`, until `take` fails. Returns the number of cells.
+    /// Passes every cell of `line` with its index to `take`, until `take` fails. Returns the number of cells. Commas and
+    /// semicolons between quotes do not separate cells.
     #[inline]
     pub(crate) fn split<E>(
         self,
@@ -171,11 +260,24 @@ impl Separator {
                     count += 1;
                 }
             }
-            Self::Comma | Self::Semicolon => {
-                let byte = if self == Self::Comma { ',' } else { ';' };
-                for cell in line.split(byte) {
+            Self::Comma | Self::Semicolon | Self::Tab => {
+                let mark = match self {
+                    Self::Comma => ',',
+                    Self::Semicolon => ';',
+                    _ => '\t',
+                };
+                let has_quotes = line.contains('"');
+                let mut is_quoted = false;
+                let mut rest = Some(line);
+                while let Some(text) = rest {
+                    let end = text.find(|c: char| {
+                        is_quoted ^= has_quotes && c == '"';
+                        c == mark && !is_quoted
+                    });
+                    let cell = &text[..end.unwrap_or(text.len())];
                     take(count, cell.trim_ascii())?;
                     count += 1;
+                    rest = end.map(|end| &text[end + 1..]);
                 }
             }
         }
@@ -197,15 +299,43 @@ impl Separator {
     }
 }
 
-/// Reads all numbers of a line with any separator; false if a cell is not a number.
-pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
+/// Whether a line consists of numbers with decimal commas between blanks.
+fn has_decimal_commas(line: &str) -> bool {
+    let is_number = |cell: &str| {
+        let digits = cell.trim_start_matches(['+', '-']);
+        digits.starts_with(|c: char| c.is_ascii_digit())
+            && !digits.ends_with(',')
+            && !digits.contains('.')
+            && digits.matches(',').count() <= 1
+            && Numerals::default().number(cell).is_some()
+    };
+    let mut cells = line.split_ascii_whitespace();
+    cells.clone().count() > 1 && cells.all(is_number)
+}
+
+/// A line of numbers without a comment behind them and without a separator behind the last one.
+pub(crate) fn without_trailer(line: &str) -> &str {
+    let end = ["#", "//"].into_iter().filter_map(|mark| line.find(mark));
+    let content = line[..end.min().unwrap_or(line.len())].trim_ascii();
+    let content = if content.is_empty() { line } else { content };
+    content.strip_suffix([',', ';']).unwrap_or(content)
+}
+
+/// Reads all numbers of a line with any separator; false if a cell is not a number. Empty cells are NaN.
+pub(crate) fn row(line: &str, numerals: &mut Numerals, into: &mut Vec<f64>) -> bool {
     into.clear();
+    let line = without_trailer(line);
     Separator::of(line)
         .split(line, |_, cell| {
-            into.push(cell.parse::<f64>().map_err(|_| ())?);
+            into.push(numerals.number(cell).ok_or(())?);
             Ok::<(), ()>(())
         })
         .is_ok()
+}
+
+/// As [`row`], for a line alone.
+pub(crate) fn numbers(line: &str, into: &mut Vec<f64>) -> bool {
+    row(line, &mut Numerals::default(), into)
 }
 
 /// The names in the header of a table, which is the first line that is neither empty nor a comment, or the

@@ -4,7 +4,8 @@
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::parquet::Rows;
-use crate::format::text::lines::{Lines, MOST_COLUMNS, Separator, numbers};
+use crate::format::text::lines::{Lines, MOST_COLUMNS, Separator, numbers, without_trailer};
+use crate::format::text::numerals::Numerals;
 use crate::format::text::unit::factor;
 
 /// The columns that a reader wants: needed columns, then optional columns.
@@ -24,6 +25,11 @@ impl<'a> Columns<'a> {
         self.needed
             .iter()
             .all(|needed| names.iter().any(|name| factor(name, needed).is_some()))
+    }
+
+    /// Whether one of the columns has this name.
+    pub(crate) fn names(&self, name: &str) -> bool {
+        self.wanted().any(|wanted| factor(name, wanted).is_some())
     }
 
     fn describe(&self) -> String {
@@ -51,6 +57,8 @@ enum Source {
     Text {
         lines: Lines,
         separator: Separator,
+        /// How commas in numbers are read.
+        numerals: Numerals,
         /// Whether the last line read is a row that has not been returned yet.
         pending: bool,
     },
@@ -115,6 +123,7 @@ impl Table {
                 source: Source::Text {
                     lines,
                     separator,
+                    numerals: Numerals::default(),
                     pending: is_numeric,
                 },
                 names,
@@ -146,13 +155,26 @@ impl Table {
             Source::Text {
                 lines,
                 separator,
+                numerals,
                 pending,
             } => {
                 if !std::mem::take(pending) && !lines.next_content()? {
                     return Ok(false);
                 }
-                row.fill(f64::NAN);
-                text_row(lines, *separator, names, slots, row)?;
+                let of_header = text_row(lines, *separator, numerals, names, slots, row);
+                let of_row = match Separator::of(without_trailer(lines.text())) {
+                    // Tabs may also be aligned.
+                    Separator::Tab => Separator::Space,
+                    other => other,
+                };
+                if of_header.is_err() && of_row != *separator {
+                    // Rows may have other separators than the header above them.
+                    if text_row(lines, of_row, numerals, names, slots, row).is_ok() {
+                        *separator = of_row;
+                        return Ok(true);
+                    }
+                }
+                of_header?;
             }
             Source::Parquet(rows) => {
                 if !rows.advance()? {
@@ -167,6 +189,7 @@ impl Table {
                         Some(value) if (value * slot.factor).is_finite() => {
                             row[slot.index] = value * slot.factor;
                         }
+                        Some(value) if value.is_nan() && slot.may_be_empty => {}
                         None if slot.may_be_empty => {}
                         cell => {
                             let found = cell.map_or("null".to_owned(), |value| value.to_string());
@@ -215,35 +238,46 @@ impl Table {
     }
 }
 
-/// Parses the line last read into `row`.
+/// Parses the line last read into `row`. What follows the values, a comment or a separator, is passed over.
 fn text_row(
     lines: &Lines,
     separator: Separator,
+    numerals: &mut Numerals,
     names: &[String],
     slots: &[Option<Slot>],
     row: &mut [f64],
 ) -> Result<()> {
-    let outcome = separator.split(lines.text(), |i, cell| match slots.get(i) {
-        None | Some(None) => Ok(()),
-        Some(Some(slot)) => match cell.parse::<f64>() {
-            // The value must be finite in the wanted unit, too.
-            Ok(value) if (value * slot.factor).is_finite() => {
-                row[slot.index] = value * slot.factor;
-                Ok(())
-            }
-            _ if cell.is_empty() && slot.may_be_empty => Ok(()),
-            _ => {
-                let found: String = cell.chars().take(40).collect();
-                Err(bad_cell(&found, &names[i], |f, e| lines.error(f, e)))
-            }
-        },
-    });
-    let count = outcome?;
-    if count == slots.len() {
-        return Ok(());
-    }
-    let expected = format!("{} as in the header ({})", slots.len(), names.join(", "));
-    Err(lines.error(format!("{count} values"), expected))
+    row.fill(f64::NAN);
+    let mut parse = |text: &str| {
+        let count = separator.split(text, |i, cell| match slots.get(i) {
+            None | Some(None) => Ok(()),
+            Some(Some(slot)) => match numerals.number(cell) {
+                // The value must be finite in the wanted unit, too.
+                Some(value) if (value * slot.factor).is_finite() => {
+                    row[slot.index] = value * slot.factor;
+                    Ok(())
+                }
+                Some(value) if value.is_nan() && slot.may_be_empty => Ok(()),
+                _ => {
+                    let found: String = cell.chars().take(40).collect();
+                    Err(bad_cell(&found, &names[i], |f, e| lines.error(f, e)))
+                }
+            },
+        })?;
+        // The last tabs of a line are lost with the white space around it.
+        let may_end = separator == Separator::Tab && count < slots.len();
+        let is_optional = |slot: &Option<Slot>| slot.is_none_or(|slot| slot.may_be_empty);
+        if count == slots.len() || may_end && slots[count..].iter().all(is_optional) {
+            return Ok(());
+        }
+        let expected = format!("{} as in the header ({})", slots.len(), names.join(", "));
+        Err(lines.error(format!("{count} values"), expected))
+    };
+    let whole = lines.text();
+    parse(whole).or_else(|error| match without_trailer(whole) {
+        values if values.len() < whole.len() => parse(values).map_err(|_| error),
+        _ => Err(error),
+    })
 }
 
 fn bad_cell(found: &str, name: &str, error: impl FnOnce(String, &str) -> Error) -> Error {
@@ -355,11 +389,18 @@ mod tests {
             "x_m\ttime_s  other sigma_m\n# half way\n2 1 red 3",
             "# time_s, x_m, sigma_m\n1, 2, 3\n",
             "\"time_s\",\"x_m\",\"sigma_m\"\n1e0,+2.0,3\n\n",
+            "time_s\tx_m\tother\tsigma_m\n1\t2\t\t3\n",
+            "time_s\tx_m\tsigma_m\n1\t\t2\t\t3\n",
         ] {
             assert_eq!(rows(text).unwrap(), [[1.0, 2.0, 3.0]], "{text}");
         }
         assert!(rows("time_s,x_m\n1,2").unwrap()[0][2].is_nan());
-        assert!(rows("time_s,x_m,sigma_m\n1,2,\n").unwrap()[0][2].is_nan());
+        for text in [
+            "time_s,x_m,sigma_m\n1,2,\n",
+            "time_s\tx_m\tsigma_m\n1\t2\t\n",
+        ] {
+            assert!(rows(text).unwrap()[0][2].is_nan(), "{text}");
+        }
     }
 
     #[test]

@@ -21,7 +21,7 @@ use crate::format::las::extra::dimension;
 use crate::format::las::record::{
     Placement, RECORD, SCANNER, append_record, check_time, gps_time_s,
 };
-use crate::format::las::writer::CLOUD_STEP_M;
+use crate::format::las::value::ExtraValue;
 
 /// Points for which memory is allocated at a time.
 const BLOCK_POINTS: usize = 1 << 16;
@@ -85,8 +85,8 @@ struct CopcSink {
 /// position, GPS time (0 if the shape has none, because each format that COPC allows has a time),
 /// intensity (rounded into 0 to 65535) and the dimensions as extra bytes; the value of a dimension
 /// named `scanner` is also the `point_source_id` and, up to 255, the `user_data`. The WKT of the
-/// coordinate reference system is kept. Coordinates are rounded to [`CLOUD_STEP_M`], or to the
-/// smallest power of ten times it for which 32 bits span the cloud. A cloud without points is a
+/// coordinate reference system is kept. Coordinates are rounded to
+/// [`CLOUD_STEP_M`](crate::format::CLOUD_STEP_M). A cloud without points is a
 /// valid file. The same points give the same bytes for any number of threads.
 ///
 /// Memory holds all points until the end: 46 bytes for each, plus those of its dimensions.
@@ -96,7 +96,7 @@ struct CopcSink {
 /// more than 2³² − 1 points, a file that cannot be written.
 pub fn copc_sink(path: &Path, shape: &CloudShape) -> Result<Box<dyn CloudSink>> {
     dimension::check(path, &shape.dimensions)?;
-    let placement = Placement::of(path, shape, CLOUD_STEP_M)?;
+    let placement = Placement::of(path, shape)?;
     let wkt_length = shape.wkt.as_ref().map_or(0, String::len);
     if wkt_length > MOST_WKT {
         return Err(Error::format(
@@ -151,12 +151,12 @@ impl CloudSink for CopcSink {
         };
         // `as` saturates and converts NaN to 0.
         let scanner = self.scanner.and_then(|at| point.values.get(at));
-        let scanner = scanner.map_or(0, |v| *v as u16);
+        let scanner = scanner.map_or(0, |v| v.number() as u16);
         self.extent.include(steps, time_s);
         let block = self.records.open_block();
         append_record(steps, Some(time_s), point.intensity, scanner, block);
         for (at, dimension) in self.dimensions.iter().enumerate() {
-            let value = point.values.get(at).copied().unwrap_or(f64::NAN);
+            let value = point.values.get(at).copied().unwrap_or(ExtraValue::NONE);
             dimension.kind.append(value, block);
         }
         Ok(())

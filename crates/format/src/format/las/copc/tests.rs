@@ -14,9 +14,11 @@ use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
 use crate::format::input::Input;
 use crate::format::las::chunks;
 use crate::format::las::file::LasFile;
-use crate::format::las::points::{las_count, read_las, stream_las};
+use crate::format::las::points;
+use crate::format::las::points::{las_count, stream_las};
 use crate::format::las::record::{Placement, append_record};
 use crate::format::mutation::for_each_damaged;
+use crate::format::text::civil::unix_from_adjusted_gps_s;
 use crate::geometry::Vec3;
 
 /// Uniformly distributed numbers from 0 to 1, the same in each run.
@@ -168,7 +170,7 @@ fn the_reader_of_las_returns_all_points() {
     assert_eq!(cloud.points.len(), points.len());
     let mut seen = vec![false; points.len()];
     for (p, time_s) in cloud.points.iter().zip(&cloud.time_s) {
-        let number = *time_s as usize;
+        let number = (*time_s - unix_from_adjusted_gps_s(0.0)) as usize;
         assert!((p - points[number]).amax() <= 0.5e-5 + 1e-9);
         assert!(!std::mem::replace(&mut seen[number], true));
     }
@@ -221,6 +223,11 @@ fn write_cells(path: &Path, sizes: &[usize]) {
     let out = BufWriter::new(File::create(path).unwrap());
     let record = |number: u32| &records[number as usize][..];
     file.write(out, &cells, &points, &record).unwrap();
+}
+
+/// The points of a file, on all threads.
+fn read_las(path: &Input) -> Result<PointCloud> {
+    points::read_las(path).map(|read| read.cloud)
 }
 
 /// As [`read_las`], on one thread.

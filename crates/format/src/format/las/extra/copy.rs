@@ -66,7 +66,7 @@ pub fn copy_las(
                 extra.extend_from_slice(&point.extra[range.clone()]);
             }
             for (dimension, value) in dimensions.iter().zip(&values) {
-                dimension.kind.append(*value, &mut extra);
+                dimension.kind.append((*value).into(), &mut extra);
             }
             let standard = &point.record[..point.record.len() - point.extra.len()];
             written += 1;

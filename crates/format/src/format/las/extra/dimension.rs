@@ -4,8 +4,9 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Error, Location, Result};
-use crate::format::las::columns::extra_columns;
+use crate::format::las::columns::{HAS_NO_DATA, NO_DATA, extra_entries};
 use crate::format::las::file::LasFile;
+use crate::format::las::value::ExtraValue;
 
 /// Called once for every point of the input, in order, with the index of the point: fills one value
 /// for each dimension and returns whether to write the point. Values that it does not fill are NaN.
@@ -27,6 +28,10 @@ pub enum ExtraKind {
     F64,
     /// Integers from 0 to 2³² − 1: values are clamped to this range, NaN becomes 0.
     U32,
+    /// Integers from −2⁶³ to 2⁶³ − 1; −2⁶³ means no value in formats that have no empty cells.
+    I64,
+    /// Integers from 0 to 2⁶⁴ − 1; 2⁶⁴ − 1 means no value in formats that have no empty cells.
+    U64,
 }
 
 /// A named value for each point.
@@ -45,7 +50,7 @@ impl ExtraKind {
     pub(crate) fn size(self) -> usize {
         match self {
             Self::F32 | Self::U32 => 4,
-            Self::F64 => 8,
+            Self::F64 | Self::I64 | Self::U64 => 8,
         }
     }
 
@@ -53,17 +58,32 @@ impl ExtraKind {
     fn code(self) -> u8 {
         match self {
             Self::U32 => 5,
+            Self::U64 => 7,
+            Self::I64 => 8,
             Self::F32 => 9,
             Self::F64 => 10,
         }
     }
 
-    pub(crate) fn append(self, value: f64, into: &mut Vec<u8>) {
+    /// The bytes that stand for no value among integers of 64 bits.
+    fn no_data(self) -> Option<[u8; 8]> {
         match self {
-            Self::F32 => into.extend_from_slice(&(value as f32).to_le_bytes()),
-            Self::F64 => into.extend_from_slice(&value.to_le_bytes()),
+            Self::F32 | Self::F64 | Self::U32 => None,
+            Self::I64 => Some(i64::MIN.to_le_bytes()),
+            Self::U64 => Some(u64::MAX.to_le_bytes()),
+        }
+    }
+
+    pub(crate) fn append(self, value: ExtraValue, into: &mut Vec<u8>) {
+        match self {
+            Self::F32 => into.extend_from_slice(&(value.number() as f32).to_le_bytes()),
+            Self::F64 => into.extend_from_slice(&value.number().to_le_bytes()),
             // `as` saturates and converts NaN to 0.
-            Self::U32 => into.extend_from_slice(&(value as u32).to_le_bytes()),
+            Self::U32 => into.extend_from_slice(&(value.number() as u32).to_le_bytes()),
+            Self::I64 => into.extend_from_slice(&value.signed().unwrap_or(i64::MIN).to_le_bytes()),
+            Self::U64 => {
+                into.extend_from_slice(&value.unsigned().unwrap_or(u64::MAX).to_le_bytes());
+            }
         }
     }
 }
@@ -81,6 +101,10 @@ impl ExtraDimension {
     fn entry(&self) -> [u8; ENTRY] {
         let mut entry = [0; ENTRY];
         entry[2] = self.kind.code();
+        if let Some(no_data) = self.kind.no_data() {
+            entry[3] = HAS_NO_DATA;
+            entry[NO_DATA..NO_DATA + 8].copy_from_slice(&no_data);
+        }
         entry[4..4 + self.name.len()].copy_from_slice(self.name.as_bytes());
         entry[160..160 + self.description.len()].copy_from_slice(self.description.as_bytes());
         entry
@@ -166,34 +190,28 @@ impl Retained {
     /// bytes get an untyped entry, so that readers find the dimensions behind them.
     pub(super) fn of(file: &LasFile, dimensions: &[ExtraDimension]) -> Result<Self> {
         let length = usize::from(file.header().point_format().extra_bytes);
-        let described: Vec<&[u8]> = file
-            .header()
-            .all_vlrs()
-            .filter(|vlr| vlr.user_id == "LASF_Spec" && vlr.record_id == 4)
-            .flat_map(|vlr| vlr.data.chunks_exact(ENTRY))
-            .collect();
-        let columns = extra_columns(file);
         let mut retained = Self {
             entries: Vec::new(),
             ranges: Vec::new(),
         };
         let mut end = 0;
-        for ((name, column), entry) in columns.iter().zip(described) {
-            end = column.at + column.size;
+        for entry in extra_entries(file) {
+            let name = &entry.name;
+            end = entry.at + entry.size;
             if end > length {
                 return Err(Error::format(
                     file.path(),
                     Location::Whole,
                     format!(
                         "the extra dimension `{name}` at bytes {} to {end}",
-                        column.at
+                        entry.at
                     ),
                     format!("dimensions within the {length} extra bytes of a point"),
                 ));
             }
             if dimensions.iter().all(|dimension| dimension.name != *name) {
-                retained.entries.extend_from_slice(entry);
-                retained.ranges.push(column.at..end);
+                retained.entries.extend_from_slice(entry.record);
+                retained.ranges.push(entry.at..end);
             }
         }
         if end < length {

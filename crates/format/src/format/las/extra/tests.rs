@@ -259,18 +259,29 @@ fn a_cloud_is_written_with_the_times_and_intensities_that_it_has() {
 }
 
 #[test]
-fn a_cloud_wider_than_32_bits_of_the_finest_step_is_written_in_coarser_steps() {
+fn a_point_beyond_32_bits_of_the_step_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("a.las");
     let cloud = PointCloud {
-        points: vec![Vec3::new(-1e6, 0.0, 0.0), Vec3::new(2e6, 0.125, 7.0)],
+        points: vec![
+            Vec3::new(2e6, 0.125, 7.0),
+            Vec3::new(-1e6, 0.0, 0.0),
+            Vec3::new(2e6 + 42_000.0, 0.25, 8.0),
+        ],
         ..PointCloud::default()
     };
-    cloud_to_las(&cloud, &output, &[], None, &mut |_, _| Ok(true), &Silent).unwrap();
+    let write =
+        |cloud: &PointCloud| cloud_to_las(cloud, &output, &[], None, &mut |_, _| Ok(true), &Silent);
+    let error = write(&cloud).unwrap_err().to_string();
+    assert!(error.contains("the point (-1000000, 0, 0) m"), "{error}");
+    let near = PointCloud {
+        points: vec![cloud.points[0], cloud.points[2]],
+        ..PointCloud::default()
+    };
+    write(&near).unwrap();
     let back = read_cloud(&output).unwrap();
-    assert_eq!(back.points.len(), 2);
-    for (a, b) in back.points.iter().zip(&cloud.points) {
-        assert!((a - b).amax() <= 0.51e-3, "{a} {b}");
+    for (a, b) in back.points.iter().zip(&near.points) {
+        assert!((a - b).amax() <= 0.51e-5, "{a} {b}");
     }
 }
 

@@ -1,0 +1,115 @@
+//! Files compressed as a whole, with gzip or Zstandard.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Location, Result};
+use crate::format::file::guarded;
+
+const GZIP: &[u8] = &[0x1f, 0x8b];
+const ZSTANDARD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// A compressed file unpacks to at most this many times its size, plus `ALWAYS_BYTES`: text of numbers unpacks to ten
+/// times its size, and one that claims more was made to keep the reader busy.
+const MOST_EXPANDED: u64 = 250;
+const ALWAYS_BYTES: u64 = 8 << 20;
+
+/// Unpacks an opened file of `size` bytes; `None` if it is not compressed, and it is left at its beginning.
+///
+/// # Errors
+/// A file that is damaged, cut off, or unpacks to far more than its size.
+pub(super) fn unpack(path: &Path, file: &mut File, size: u64) -> Result<Option<Vec<u8>>> {
+    let mut start = Vec::new();
+    let io = |e| Error::io(path, e);
+    file.take(4).read_to_end(&mut start).map_err(io)?;
+    file.rewind().map_err(io)?;
+    let most = size
+        .saturating_mul(MOST_EXPANDED)
+        .saturating_add(ALWAYS_BYTES);
+    if start.starts_with(GZIP) {
+        let decoder = flate2::read::MultiGzDecoder::new(BufReader::new(file));
+        return read(path, decoder, most, "gzip").map(Some);
+    }
+    if start.starts_with(ZSTANDARD) {
+        return guarded(path, "Zstandard", || {
+            let decoder = ruzstd::decoding::StreamingDecoder::new(BufReader::new(file))
+                .map_err(|e| damaged(path, &e, "Zstandard"))?;
+            read(path, decoder, most, "Zstandard").map(Some)
+        });
+    }
+    Ok(None)
+}
+
+fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Vec<u8>> {
+    let mut content = Vec::new();
+    decoder
+        .take(most + 1)
+        .read_to_end(&mut content)
+        .map_err(|e: io::Error| damaged(path, &e, name))?;
+    if content.len() as u64 > most {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{name} data that unpack to more than {most} bytes"),
+            "a file that unpacks to at most 250 times its size and 8 MiB",
+        ));
+    }
+    Ok(content)
+}
+
+fn damaged(path: &Path, error: &dyn std::error::Error, name: &str) -> Error {
+    Error::format(
+        path,
+        Location::Whole,
+        format!("damaged compression ({error})"),
+        format!("an undamaged {name} file"),
+    )
+}
+
+/// A path without the extension of its compression.
+pub(super) fn without_extension(path: &Path) -> PathBuf {
+    let is_compressed = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("gz") || e.eq_ignore_ascii_case("zst"));
+    if is_compressed {
+        path.with_extension("")
+    } else {
+        path.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use crate::format::{detect, read_cloud};
+
+    #[test]
+    fn compressed_text_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "1 2 3\n4 5 6\n";
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        gzip.write_all(text.as_bytes()).unwrap();
+        let gzip = gzip.finish().unwrap();
+        // A frame of Zstandard with its size and one block that is not compressed.
+        let mut zstandard = vec![0x28, 0xb5, 0x2f, 0xfd, 0x20, text.len() as u8];
+        zstandard.extend(&(1 | (text.len() as u32) << 3).to_le_bytes()[..3]);
+        zstandard.extend(text.as_bytes());
+        for (name, bytes) in [("a.xyz.gz", &gzip), ("a.xyz.zst", &zstandard)] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(detect(&path).unwrap().id(), "xyz-text");
+            assert_eq!(read_cloud(&path).unwrap().points.len(), 2);
+            std::fs::write(&path, &bytes[..bytes.len() - 9]).unwrap();
+            let error = read_cloud(&path).unwrap_err().to_string();
+            assert!(error.contains("damaged compression"), "{error}");
+        }
+        // 16 MiB of blanks take 16 kB.
+        let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        gzip.write_all(&vec![b' '; 16 << 20]).unwrap();
+        let path = folder.path().join("a.gz");
+        std::fs::write(&path, gzip.finish().unwrap()).unwrap();
+        let error = read_cloud(&path).unwrap_err().to_string();
+        assert!(error.contains("unpack to more than"), "{error}");
+    }
+}
