@@ -9,7 +9,7 @@ use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
 };
 use crate::error::{Error, Problem, Result};
-use crate::format::{self, CloudClock};
+use crate::format;
 use crate::geometry::Vec3;
 use crate::georeference::ExcludedPoints;
 use crate::progress::Progress;

@@ -69,6 +69,7 @@ impl Input {
         Self(Arc::new(Content {
             path: self.0.path.clone(),
             excerpt: self.0.excerpt.clone(),
+            unpacked: OnceLock::new(),
             detected: OnceLock::new(),
             remarks: self.0.remarks.clone(),
             point_times,

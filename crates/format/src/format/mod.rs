@@ -63,6 +63,7 @@ pub use log::tables::{write_heading, write_imu};
 pub use mountings::bonn_xml::{read_mounting, write_mounting};
 pub use mountings::others::{pdal_pipeline, ros_launch, ros_transforms, urdf};
 pub use parquet::{parquet_sink, write_extents};
+pub use plausible::{MOST_COORDINATE_M, MOST_TIME_S};
 pub use poses::sbet::read_sbet;
 pub use poses::sbet_out::write_sbet;
 pub use poses::table::{write_trajectory, write_tum};
@@ -70,7 +71,6 @@ pub use profiles::bonn::BonnWriter;
 pub use profiles::gocator_stream;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
-pub use plausible::{MOST_COORDINATE_M, MOST_TIME_S};
 pub use read::{
     crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_cloud_with_remarks,
     read_heading, read_imu, read_positions, read_projected_positions, read_projected_trajectory,

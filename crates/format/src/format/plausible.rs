@@ -26,7 +26,7 @@ pub(crate) fn unit_of_date(time: f64) -> f64 {
 /// # Errors
 /// It is too large for seconds.
 pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
-    time_fits(path, time_s, "")
+    time_fits(path, time_s, None)
 }
 
 /// Checks the coordinates of a record.
@@ -34,7 +34,7 @@ pub(crate) fn check_time(path: &Path, time_s: f64) -> Result<()> {
 /// # Errors
 /// One is too large for metres.
 pub(crate) fn check_place(path: &Path, place_m: &Vec3) -> Result<()> {
-    place_fits(path, place_m, "")
+    place_fits(path, place_m, None)
 }
 
 /// Checks coordinates and time of a point, counted from 0; NaN stands for no time.
@@ -42,16 +42,12 @@ pub(crate) fn check_place(path: &Path, place_m: &Vec3) -> Result<()> {
 /// # Errors
 /// A coordinate or the time is too large.
 pub(crate) fn check_point(path: &Path, index: u64, point: &Vec3, time_s: f64) -> Result<()> {
-    if point.amax() <= MOST_COORDINATE_M && !(time_s.abs() > MOST_TIME_S) {
-        return Ok(());
-    }
-    let which = format!(" at point {index}");
-    place_fits(path, point, &which)?;
-    time_fits(path, time_s, &which)
+    place_fits(path, point, Some(index))?;
+    time_fits(path, time_s, Some(index))
 }
 
-fn time_fits(path: &Path, time_s: f64, which: &str) -> Result<()> {
-    if !(time_s.abs() > MOST_TIME_S) {
+fn time_fits(path: &Path, time_s: f64, point: Option<u64>) -> Result<()> {
+    if time_s.is_nan() || time_s.abs() <= MOST_TIME_S {
         return Ok(());
     }
     let unit = match unit_of_date(time_s) {
@@ -63,21 +59,25 @@ fn time_fits(path: &Path, time_s: f64, which: &str) -> Result<()> {
     Err(Error::format(
         path,
         Location::Whole,
-        format!("a time of {time_s:e} s{which}{unit}"),
+        format!("a time of {time_s:e} s{}{unit}", at_point(point)),
         "times in seconds, below 1e11; in a table, a time column named for its unit (`time_ns`)",
     ))
 }
 
-fn place_fits(path: &Path, place_m: &Vec3, which: &str) -> Result<()> {
+fn place_fits(path: &Path, place_m: &Vec3, point: Option<u64>) -> Result<()> {
     let Some(coordinate) = place_m.iter().find(|v| v.abs() > MOST_COORDINATE_M) else {
         return Ok(());
     };
     Err(Error::format(
         path,
         Location::Whole,
-        format!("a coordinate of {coordinate:e} m{which}"),
+        format!("a coordinate of {coordinate:e} m{}", at_point(point)),
         "coordinates in metres, below 1e9: is the first column a time?",
     ))
+}
+
+fn at_point(point: Option<u64>) -> String {
+    point.map_or(String::new(), |index| format!(" at point {index}"))
 }
 
 #[cfg(test)]

@@ -89,7 +89,10 @@ fn times_and_coordinates_in_other_units_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.csv");
     for (text, expected) in [
-        ("x,y,z,GpsTime\n1,2,3,1403636579758555392\n", "a time of 1.4"),
+        (
+            "x,y,z,GpsTime\n1,2,3,1403636579758555392\n",
+            "a time of 1.4",
+        ),
         (
             "x,y,z\n1,2,3\n1403636579758555392,2,3\n",
             "a coordinate of 1.4",
