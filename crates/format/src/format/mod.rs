@@ -38,7 +38,6 @@ mod text;
 pub use cloud::core_points::{CorePoints, read_core_points};
 pub use cloud::create::{create_cloud, is_cloud_name};
 pub use cloud::e57_out::e57_sink;
-pub use cloud::gathering::ReadCloud;
 pub use cloud::ply_out::ply_sink;
 pub use cloud::rows::CloudRows;
 pub use cloud::sink::{CLOUD_STEP_M, CloudClock, CloudPoint, CloudShape, CloudSink};
@@ -72,9 +71,8 @@ pub use profiles::gocator_stream;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
 pub use read::{
-    crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_cloud_with_remarks,
-    read_heading, read_imu, read_positions, read_projected_positions, read_projected_trajectory,
-    read_trajectory, unit_m,
+    crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_heading, read_imu,
+    read_positions, read_projected_positions, read_projected_trajectory, read_trajectory, unit_m,
 };
 pub use recorded::{
     Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,

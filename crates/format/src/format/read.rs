@@ -212,20 +212,12 @@ fn unprojected(path: &Path) -> Error {
     )
 }
 
-/// Reads a cloud as [`read_cloud_with_remarks`] does.
-///
-/// # Errors
-/// Those of [`read_cloud_with_remarks`].
-pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
-    read_cloud_with_remarks(input).map(|read| read.cloud)
-}
-
-/// Reads a cloud, with remarks on what its file holds that is not in it. Points marked as not measured are left out.
+/// Reads a cloud. Points marked as not measured are left out; the input remarks what its file holds that is not in it.
 ///
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points; coordinates and times beyond
 /// [`MOST_COORDINATE_M`] and [`MOST_TIME_S`].
-pub fn read_cloud_with_remarks(input: impl Into<Input>) -> Result<ReadCloud> {
+pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
     let input = &input.into();
     if detect(input).is_err()
         && let Ok(Some(error)) = other_table(input)
@@ -233,17 +225,18 @@ pub fn read_cloud_with_remarks(input: impl Into<Input>) -> Result<ReadCloud> {
         // The reader of the native table would say less.
         return Err(error);
     }
-    let mut read = reader(
+    let ReadCloud { cloud, remarks } = reader(
         input,
         "a cloud",
         |kind| kind.cloud,
         &cloud_table::CLOUD_TABLE,
     )?(input)?;
-    let cloud = &read.cloud;
     if cloud.points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
     }
-    read.remarks.extend(gaps(cloud));
+    for remark in remarks.into_iter().chain(gaps(&cloud)) {
+        input.remark(remark);
+    }
     let times = cloud.time_s.iter().copied().chain(std::iter::repeat(0.0));
     for (number, (point, time_s)) in cloud.points.iter().zip(times).enumerate() {
         check_point(input.path(), number as u64, point, time_s)?;
@@ -256,7 +249,7 @@ pub fn read_cloud_with_remarks(input: impl Into<Input>) -> Result<ReadCloud> {
             format!("{} at most: thin the cloud", u32::MAX),
         ));
     }
-    Ok(read)
+    Ok(cloud)
 }
 
 /// The coordinate reference system of a cloud file, as WKT; `None` if the file names none.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::stage::stage;
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::{self, ExtraDimension, Format, ReadCloud, Row};
+use crate::format::{self, ExtraDimension, Format, Input, Row};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
@@ -37,7 +37,7 @@ impl CloudSource {
     /// Reads the header of a LAS or LAZ file, or the whole of any other.
     ///
     /// # Errors
-    /// As [`format::las_count`], [`format::las_remarks`] and [`format::read_cloud_with_remarks`].
+    /// As [`format::las_count`], [`format::las_remarks`] and [`format::read_cloud`].
     pub fn open(path: &Path, progress: &dyn Progress) -> Result<Self> {
         // For a file of unknown format, the reader gives the better error.
         if format::detect(path).is_ok_and(Format::is_las) {
@@ -49,9 +49,10 @@ impl CloudSource {
                 points: format::las_count(path)?,
             });
         }
-        let read = || format::read_cloud_with_remarks(path);
-        let (ReadCloud { cloud, remarks }, _) = stage(progress, "reading the cloud", 0, read)?;
-        for remark in remarks {
+        let input = &Input::from(path);
+        let read = || format::read_cloud(input);
+        let (cloud, _) = stage(progress, "reading the cloud", 0, read)?;
+        for remark in input.remarks() {
             progress.warn(&format!("{}: {remark}", path.display()));
         }
         let wkt = format::crs_wkt(path)?;

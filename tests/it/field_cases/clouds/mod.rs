@@ -9,7 +9,7 @@ mod times;
 use std::path::PathBuf;
 
 use boresight::cloud::PointCloud;
-use boresight::format::{inspect, read_cloud_with_remarks};
+use boresight::format::{Input, inspect, read_cloud};
 use boresight::geometry::Vec3;
 
 use crate::common::{boresight, data};
@@ -29,8 +29,8 @@ fn case(name: &str) -> PathBuf {
 
 /// The cloud of a file, and what is said about it.
 fn read(name: &str) -> (PointCloud, String) {
-    let read = read_cloud_with_remarks(&case(name)).unwrap();
-    (read.cloud, read.remarks.join("\n"))
+    let input = Input::from(&case(name));
+    (read_cloud(&input).unwrap(), input.remarks().join("\n"))
 }
 
 /// Asserts the points of a file, whose coordinates are exact.
@@ -43,7 +43,7 @@ fn assert_points(name: &str, expected: &[[f64; 3]]) -> (PointCloud, String) {
 
 /// The error of reading a file, which `inspect` gives, too.
 fn error(name: &str) -> String {
-    let error = read_cloud_with_remarks(&case(name)).unwrap_err();
+    let error = read_cloud(&case(name)).unwrap_err();
     assert!(inspect(&case(name)).is_err(), "{name}");
     error.to_string()
 }

@@ -5,7 +5,7 @@ use crate::geometry::{Vec3, is_finite};
 
 /// A cloud, and remarks on what its file holds that is not in it.
 #[derive(Debug, Clone, Default)]
-pub struct ReadCloud {
+pub(crate) struct ReadCloud {
     /// The points. A time or an intensity is NaN where a point has none.
     pub cloud: PointCloud,
     /// What was left out or assumed, with numbers, one sentence each.

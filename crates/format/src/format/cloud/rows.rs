@@ -2,7 +2,7 @@
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::gathering::ReadCloud;
+
 use crate::format::cloud::sink::{CloudClock, CloudGrid, CloudPoint, CloudShape};
 use crate::format::detect::detect;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
@@ -10,7 +10,7 @@ use crate::format::input::Input;
 use crate::format::las::columns::{ExtraColumn, ExtraEntry, extra_columns, extra_entries};
 use crate::format::las::file::LasFile;
 use crate::format::las::value::ExtraValue;
-use crate::format::read::{crs_wkt, read_cloud_with_remarks};
+use crate::format::read::{crs_wkt, read_cloud};
 use crate::format::{ExtraDimension, ExtraKind};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -33,26 +33,26 @@ impl CloudRows {
     /// Opens a LAS or LAZ file; files of other formats are read into memory. Coordinates in feet are converted to metres.
     ///
     /// # Errors
-    /// Those of [`read_cloud_with_remarks`].
+    /// Those of [`read_cloud`].
     pub fn open(input: impl Into<Input>) -> Result<Self> {
         let input = &input.into();
         let wkt = crs_wkt(input)?;
         if detect(input)?.is_las() {
             return Self::of_las(LasFile::open(input)?, wkt);
         }
-        let ReadCloud { cloud, remarks } = read_cloud_with_remarks(input)?;
+        let cloud = read_cloud(input)?;
         let shape = CloudShape::of(&cloud, wkt);
         Ok(Self {
             shape,
             points: Points::Memory(cloud),
-            remarks,
+            remarks: input.remarks(),
         })
     }
 
     /// Opens a LAS or LAZ file whose coordinates stay in their unit, that of its coordinate system.
     ///
     /// # Errors
-    /// Those of [`read_cloud_with_remarks`].
+    /// Those of [`read_cloud`].
     pub fn open_in_unit_of_file(input: impl Into<Input>) -> Result<Self> {
         let input = &input.into();
         let mut file = LasFile::open(input)?;

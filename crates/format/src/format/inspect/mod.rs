@@ -7,9 +7,8 @@ mod recording;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
-use super::read::{open_profiles, read_cloud_with_remarks, read_trajectory};
+use super::read::{open_profiles, read_cloud, read_trajectory};
 use crate::error::{Error, Result};
-use crate::format::cloud::gathering::ReadCloud;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::columns::{PoseColumns, extra_names};
@@ -258,8 +257,7 @@ fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
 }
 
 fn inspect_cloud(input: &Input, report: &mut Inspection) -> Result<()> {
-    let ReadCloud { cloud, remarks } = read_cloud_with_remarks(input)?;
-    report.notes.extend(remarks);
+    let cloud = read_cloud(input)?;
     let mut summary = StreamSummary::of_columns(&POINT);
     for (i, p) in cloud.points.iter().enumerate() {
         let intensity = cloud.intensity.get(i).map_or(f64::NAN, |v| f64::from(*v));
