@@ -208,7 +208,7 @@ fn constancy() -> Constancy {
         (0..120)
             .map(|i| Block {
                 time_s: 1_000.0 + 2.5 * i as f64,
-                mean_m: if i == 40 {
+                median_m: if i == 40 {
                     f64::NAN
                 } else {
                     0.5e-3 * normal(seed + i) + wave * (0.12 * i as f64).sin()
