@@ -11,7 +11,7 @@ pub(crate) enum Meaning {
 }
 
 /// Names without differences of spelling, and what they mean.
-const NAMES: [(&str, Meaning); 40] = [
+const NAMES: [(&str, Meaning); 41] = [
     ("x", Meaning::X),
     ("y", Meaning::Y),
     ("z", Meaning::Z),
@@ -51,6 +51,7 @@ const NAMES: [(&str, Meaning); 40] = [
     ("times", Meaning::Time),
     ("timestamp", Meaning::Time),
     ("intensity", Meaning::Intensity),
+    ("i", Meaning::Intensity),
     ("intensität", Meaning::Intensity),
 ];
 
@@ -133,6 +134,7 @@ mod tests {
             ("X[m]", Ok(Some((Meaning::X, 1.0)))),
             ("y (mm)", Ok(Some((Meaning::Y, 1e-3)))),
             ("GPS_Time", Ok(Some((Meaning::Time, 1.0)))),
+            ("I", Ok(Some((Meaning::Intensity, 1.0)))),
             ("Red", Ok(None)),
         ] {
             assert_eq!(meaning(name), expected, "{name}");
