@@ -147,6 +147,7 @@ impl SortedFiles {
             Role::Poses => self.poses.push(path),
             Role::Positions if is_gnss => self.gnss.push(path),
             Role::Positions => self.prism.push(path),
+            Role::Geographic => self.gnss.push(path),
             Role::Logs => {
                 let heading = format
                     .has_heading()
@@ -292,6 +293,7 @@ enum Role {
     Profiles,
     Poses,
     Positions,
+    Geographic,
     Logs,
     None,
 }
@@ -301,6 +303,7 @@ impl Role {
         match format {
             _ if format.has_imu() || format.has_heading() => Self::Logs,
             _ if format.has_positions() => Self::Positions,
+            _ if format.has_geographic() => Self::Geographic,
             _ if format.has_cloud() => Self::Cloud,
             _ if format.has_profiles() => Self::Profiles,
             _ if format.has_poses() => Self::Poses,

@@ -109,16 +109,21 @@ fn noise_figures_with_implausible_times_suggest_another_unit() {
 }
 
 #[test]
-fn a_trajectory_over_millions_of_years_is_accepted() {
+fn a_trajectory_over_centuries_is_accepted_and_one_over_millions_of_years_is_not() {
     let folder = project_of_poses();
     rewrite(&folder.path().join("poses.csv"), |text| {
         let (header, rows) = text.split_once('\n').unwrap();
         let (_, first) = rows.split_once('\n').unwrap().0.split_once(',').unwrap();
-        format!("{header}\n-1e15,{first}\n{rows}")
+        format!("{header}\n-1e10,{first}\n{rows}")
     });
     let project = folder.path().join("project.toml");
     let run = boresight(&["run", project.to_str().unwrap(), "--quiet"]);
     assert_eq!(run.code, 0, "{}", run.err);
+    rewrite(&folder.path().join("poses.csv"), |text| {
+        text.replace("-1e10", "-1e15")
+    });
+    boresight(&["run", project.to_str().unwrap(), "--quiet"])
+        .assert_failed_with(&["poses.csv", "a time of -1e15 s"]);
 }
 
 #[test]

@@ -157,6 +157,12 @@ fn describe_scanner(lines: &mut Lines, scanner: &Scanner) {
         lines.file("profiles", path);
     }
     lines.offset(scanner.time_offset_s);
+    if let Some(field) = &scanner.point_times.field {
+        lines.value("times of points", format!("field `{field}`"));
+    }
+    if let Some(unit_s) = scanner.point_times.unit_s {
+        lines.value("unit of these times", format!("{unit_s:e} s"));
+    }
     let mounting = &scanner.body_from_scanner;
     lines.value(
         "initial translation",

@@ -2,7 +2,7 @@
 
 use super::lines::{Lines, degrees, millimetres, short, vector};
 use crate::geometry::Vec3;
-use crate::project::{Logs, PosesFile, PositionLog};
+use crate::project::{AccelUnit, GyroUnit, Logs, PosesFile, PositionLog};
 use crate::sensor::{Observations, TotalStation, VerticalAngle};
 use crate::trajectory::{Loss, Nodes, PoseLimits, PositionKind, PositionSettings};
 
@@ -12,6 +12,15 @@ pub(super) fn describe_logs(lines: &mut Lines, logs: &Logs) {
     lines.value("gravity", format!("{} m/s²", short(settings.gravity_m_s2)));
     lines.section("imu");
     lines.log(&logs.imu.path, logs.imu.time_offset_s);
+    match logs.imu_units.accel {
+        AccelUnit::MetresPerSecondSquared => {}
+        AccelUnit::Gravity => lines.value("accelerations", "in g"),
+        AccelUnit::Milligravity => lines.value("accelerations", "in mg"),
+    }
+    match logs.imu_units.gyro {
+        GyroUnit::RadiansPerSecond => {}
+        GyroUnit::DegreesPerSecond => lines.value("angular rates", "in °/s"),
+    }
     let per_root_hour = noise.gyro_density.to_degrees() * 60.0;
     lines.value(
         "gyro noise",
@@ -92,6 +101,17 @@ fn describe_position(lines: &mut Lines, log: &PositionLog, settings: &PositionSe
         lines.value("sigma", format!("{sigma} if the log has none"));
         if log.observations == Observations::Cartesian && settings.kind == PositionKind::Prism {
             lines.value("observations", "coordinates");
+        }
+        if settings.kind == PositionKind::Gnss {
+            let noise = &log.by_quality;
+            let others = [
+                ("sigma of float", &noise.float_m),
+                ("sigma of differential", &noise.differential_m),
+                ("sigma of single", &noise.single_m),
+            ];
+            for (name, sigma_m) in others {
+                lines.value(name, sigma_of_axes(sigma_m));
+            }
         }
         if let Some(station) = &settings.station_m {
             lines.value("station", format!("{} m", vector(station)));

@@ -7,7 +7,7 @@ use boresight::geometry::Projection;
 use boresight::sensor::{FixQuality, Observations};
 
 use super::logs::{notes, sample};
-use crate::common::{boresight, on_project};
+use crate::common::{boresight, data, on_project};
 
 /// The times of all points of a recording, and the remarks.
 fn times_s(input: &Input) -> (Vec<f64>, String) {
@@ -39,24 +39,6 @@ fn times_of_points_are_known_by_many_names() {
         let input = Input::from(&sample("points-time-field-unknown").join(name));
         assert_near(&times_s(&input).0, &even_s());
     }
-}
-
-/// A copy of a recording with a field of its points called by another name of the same length.
-fn renamed(from: &str, to: &str) -> (tempfile::TempDir, std::path::PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.mcap");
-    let mut bytes = fs::read(sample("inspect-rows-0/t_u32_ns.mcap")).unwrap();
-    let field = [&[from.len() as u8 + 1, 0, 0, 0], from.as_bytes(), &[0]].concat();
-    let mut renamed = 0;
-    for at in 0..bytes.len() - field.len() {
-        if bytes[at..].starts_with(&field) {
-            bytes[at + 4..at + 4 + to.len()].copy_from_slice(to.as_bytes());
-            renamed += 1;
-        }
-    }
-    assert_eq!(renamed, 3);
-    fs::write(&path, bytes).unwrap();
-    (folder, path)
 }
 
 #[test]
@@ -216,21 +198,12 @@ fn headings_of_two_antennas_have_their_pitch() {
 }
 
 #[test]
-fn a_field_that_tells_of_a_time_is_asked_for() {
-    let name = "t";
-    let (_folder, path) = renamed(name, "u");
-    // `u` tells nothing: all points of a cloud have one time, which is said.
-    let (found, remarks) = times_s(&Input::from(&path));
-    assert_eq!(found.len(), 18);
+fn points_without_times_of_their_own_are_named() {
+    let recording = data("ros/plain.mcap");
+    let (_, remarks) = times_s(&Input::from(&format!("{}#/untimed", recording.display())));
     assert!(remarks.contains("have no times of their own"), "{remarks}");
-    let named = PointTimes {
-        field: Some("u".to_owned()),
-        unit_s: Some(1e-9),
-    };
-    assert_near(
-        &times_s(&Input::from(&path).with_point_times(named)).0,
-        &even_s(),
-    );
+    let (_, remarks) = times_s(&Input::from(&format!("{}#/ouster", recording.display())));
+    assert_eq!(remarks, "");
 }
 
 #[test]

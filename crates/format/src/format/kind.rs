@@ -154,6 +154,11 @@ impl Format {
         self.0.positions.is_some()
     }
 
+    /// Whether it may hold latitudes and longitudes.
+    pub fn has_geographic(self) -> bool {
+        self.0.geographic.is_some()
+    }
+
     /// Whether it may hold poses.
     pub fn has_poses(self) -> bool {
         self.0.poses.is_some()

@@ -131,11 +131,11 @@ fn convert_times<T: Timed>(clock: &SensorClock, records: &mut [T]) {
 }
 
 /// Reads a trajectory in time order. Times that start again at midnight or at the end of the week are continued; poses that
-/// repeat a time or are out of order are left out, which the input remarks.
+/// repeat a time, and messages of a recording out of order, are left out, which the input remarks.
 ///
 /// # Errors
-/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; fewer than half of
-/// the poses in time order; no poses.
+/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; a line
+/// or record with an earlier time than that before it; no poses.
 pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let select = |kind: &Kind| kind.poses;

@@ -48,7 +48,7 @@ impl Continued {
         time_s + self.added_s
     }
 
-    /// The next time, continued, if it is no earlier than the one before.
+    /// The next time, continued, if it is no earlier than the one before; repeated times are in order.
     ///
     /// # Errors
     /// It is earlier: what was found, in words.

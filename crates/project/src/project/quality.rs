@@ -25,6 +25,10 @@ pub(in crate::project) const DIFFERENTIAL_SIGMA_M: [f64; 3] = [1.2, 1.2, 2.0];
 /// GPS, Standard Positioning Service Performance Standard (2020): 8 m in the plane and 13 m in height at 95 %.
 pub(in crate::project) const SINGLE_SIGMA_M: [f64; 3] = [3.3, 3.3, 6.6];
 
+/// Receivers give a position every second unless they are set otherwise, seconds. Of a log that grows, one position may be
+/// known at a time.
+const USUAL_STEP_S: f64 = 1.0;
+
 impl QualityNoise {
     fn sigma_m(&self, quality: FixQuality) -> Option<Vec3> {
         match quality {
@@ -54,7 +58,7 @@ impl QualityNoise {
         }
         let steps_s = fixes.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
         let step_s = median(steps_s.filter(|step_s| *step_s > 0.0));
-        let alike = step_s.map_or(1.0, |step_s| (self.correlation_s / step_s).max(1.0));
+        let alike = (self.correlation_s / step_s.unwrap_or(USUAL_STEP_S)).max(1.0);
         for (fix, quality) in fixes.iter_mut().zip(qualities) {
             let Some(sigma_m) = self.sigma_m(*quality) else {
                 continue;

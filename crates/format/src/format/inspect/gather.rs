@@ -8,6 +8,8 @@ use crate::geometry::Vec3;
 use crate::sensor::Continued;
 use crate::statistics::{SIGMAS_PER_MAD, median};
 
+/// Columns of points.
+pub(super) const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 /// Columns with coordinates.
 const COORDINATES: [&str; 6] = ["x_m", "y_m", "z_m", "east_m", "north_m", "up_m"];
 /// Largest number of gaps listed.

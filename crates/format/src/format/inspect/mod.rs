@@ -4,28 +4,29 @@ mod gather;
 mod inspection;
 mod picture;
 mod recording;
+mod streams;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
-use super::read::{open_profiles, read_cloud, read_trajectory};
+use super::read::read_cloud;
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::columns::{PoseColumns, extra_names};
 use crate::format::las::file::LasFile;
-use crate::format::log::tables::IMU;
 use crate::format::mountings::bonn_xml::read_mounting;
 use crate::format::plausible::check_point;
 use crate::format::poses::sbet;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
-use crate::sensor::{FixQuality, Observations};
+use gather::POINT;
 use gather::StreamSummary;
 pub use inspection::{Bounds, Gap, Inspection};
 use recording::inspect_recording;
-
-/// Columns of points.
-const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
+use streams::{
+    inspect_geographic, inspect_heading, inspect_imu, inspect_poses, inspect_positions,
+    inspect_profiles,
+};
 
 /// Reads a whole file and summarises its content.
 ///
@@ -131,28 +132,6 @@ fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> R
     Ok(())
 }
 
-fn inspect_profiles(input: &Input, report: &mut Inspection) -> Result<()> {
-    let mut reader = open_profiles(input)?;
-    let mut chunk = Vec::new();
-    let mut summary = StreamSummary::of_columns(&POINT);
-    while reader.next_chunk(&mut chunk)? {
-        for point in &chunk {
-            let p = &point.position_m;
-            summary.add(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
-        }
-    }
-    summary.report(report)
-}
-
-fn inspect_poses(input: &Input, report: &mut Inspection) -> Result<()> {
-    let mut summary = StreamSummary::of_columns(&POINT[..3]);
-    for pose in read_trajectory(input)? {
-        let position = pose.world_from_body.translation_m;
-        summary.add(pose.time_s, position.iter().copied());
-    }
-    summary.report(report)
-}
-
 /// Summarises a log that may hold several kinds of measurements: the first kind that can be read, in the order
 /// IMU, headings, geographic positions, positions, and a note of the other contents.
 fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()> {
@@ -175,55 +154,6 @@ fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()
         }
     }
     last_error.map_or(Ok(()), Err)
-}
-
-fn inspect_imu(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
-    kind.imu.map(|read| {
-        let mut summary = StreamSummary::of_columns(&IMU.needed[1..]);
-        for sample in read(input)? {
-            let (gyro, accel) = (sample.gyro_rad_s, sample.accel_m_s2);
-            summary.add(sample.time_s, gyro.iter().chain(accel.iter()).copied());
-        }
-        Ok(summary)
-    })
-}
-
-fn inspect_heading(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
-    kind.heading.map(|read| {
-        let mut summary = StreamSummary::of_columns(&["heading_deg", "pitch_deg"]);
-        for fix in read(input)? {
-            let pitch_deg = fix.pitch_rad.map_or(f64::NAN, f64::to_degrees);
-            summary.add(fix.time_s, [fix.heading_rad.to_degrees(), pitch_deg]);
-        }
-        Ok(summary)
-    })
-}
-
-fn inspect_geographic(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
-    kind.geographic.map(|read| {
-        let mut summary = StreamSummary::of_columns(&["latitude_deg", "longitude_deg", "height_m"]);
-        let mut qualities = Vec::new();
-        for fix in read(input)? {
-            let [latitude, longitude] = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
-            summary.add(fix.time_s, [latitude, longitude, fix.height_m]);
-            qualities.extend(fix.quality);
-        }
-        if !qualities.is_empty() {
-            let counts = FixQuality::counts(qualities.iter().copied());
-            input.remark(format!("solutions of the receiver: {counts}"));
-        }
-        Ok(summary)
-    })
-}
-
-fn inspect_positions(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
-    kind.positions.map(|read| {
-        let mut summary = StreamSummary::of_columns(&["east_m", "north_m", "up_m"]);
-        for fix in read(input, &Observations::AsFound)?.fixes {
-            summary.add(fix.time_s, fix.position_m.iter().copied());
-        }
-        Ok(summary)
-    })
 }
 
 fn inspect_sbet(input: &Input, report: &mut Inspection) -> Result<()> {

@@ -1,13 +1,12 @@
 //! The summary of a recording with several topics.
 
-use super::{inspect_geographic, inspect_imu, inspect_poses, inspect_profiles};
+use super::inspection::Inspection;
+use super::streams::{inspect_geographic, inspect_imu, inspect_poses, inspect_profiles};
 use crate::error::Result;
 use crate::format::file::Part;
 use crate::format::input::Input;
 use crate::format::kind::Kind;
 use crate::format::ros::{self, Content};
-
-use super::inspection::Inspection;
 
 /// Summarises the topic that is named after the file, or the first that can be read, in the order IMU, geographic
 /// positions, poses, points; a note lists all topics.

@@ -13,7 +13,7 @@ use crate::format::kind::{Frame, Kind};
 use crate::format::poses::order::in_time_order;
 use crate::geometry::attitude::from_roll_pitch_heading;
 use crate::geometry::{Misfit, Projection, Vec3, WorldFromBody};
-use crate::sensor::PoseRecord;
+use crate::sensor::{Continued, PoseRecord};
 
 /// Bytes of a record.
 pub(crate) const RECORD: usize = 136;
@@ -117,6 +117,7 @@ fn try_for_each(input: &Input, mut take: impl FnMut(u64, &[f64; 17]) -> Result<(
 pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let mut records: Vec<PoseRecord> = Vec::new();
+    let mut times = Continued::default();
     try_for_each(input, |at, values| {
         let error = |found: String, expected: String| {
             Err(Error::format(
@@ -126,6 +127,9 @@ pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<Pos
                 expected,
             ))
         };
+        if let Err(found) = times.in_order(values[0]) {
+            return error(found, "times that increase".to_owned());
+        }
         match pose(values, system) {
             Ok(pose) => records.push(pose),
             Err(misfit) => return error(misfit.found, misfit.expected),

@@ -11,7 +11,7 @@ use crate::format::log::tables::{read_rows, write_rows};
 use crate::format::text::lines::Lines;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
-use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
+use crate::sensor::{Continued, ImuBias, PoseRecord, PoseSigma};
 
 pub(crate) const TRAJECTORY: Columns = Columns {
     needed: &[
@@ -64,11 +64,17 @@ pub(super) fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Ro
     }
 }
 
+/// What a line with a time before that of the line above should have; one that repeats it is left out.
+pub(super) const IN_ORDER: &str = "times that increase";
 pub(super) const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
 
 /// Reads a native table.
 pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
+    let mut times = Continued::default();
     read_rows::<23, _>(input, &TRAJECTORY, "pose", |row, table: &Table| {
+        if let Err(found) = times.in_order(row[0]) {
+            return Err(table.error(found, IN_ORDER));
+        }
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
         let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
@@ -97,10 +103,14 @@ pub(crate) fn read_lines<const N: usize>(
 ) -> Result<Vec<PoseRecord>> {
     let mut lines = Lines::open(input)?;
     let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
+    let mut times = Continued::default();
     let mut records: Vec<PoseRecord> = Vec::new();
     let expected = || format!("{N} finite numbers");
     while lines.next_numbers(&mut cells, |n| n == N, expected)? {
         row.copy_from_slice(&cells);
+        if let Err(found) = times.in_order(row[0]) {
+            return Err(lines.error(found, IN_ORDER));
+        }
         records.push(record(&row, &lines)?);
     }
     Ok(records)

@@ -4,14 +4,14 @@
 //! in another order and between other columns, which are passed over. Times too large for seconds of any clock are in
 //! milliseconds, microseconds or nanoseconds.
 
-use super::table::{TUM_COLUMNS, UNIT_QUATERNION, rotation};
+use super::table::{IN_ORDER, TUM_COLUMNS, UNIT_QUATERNION, rotation};
 use crate::error::Result;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::plausible::unit_of_date;
 use crate::format::text::lines::{Lines, Separator, numbers};
 use crate::geometry::{Vec3, WorldFromBody};
-use crate::sensor::PoseRecord;
+use crate::sensor::{Continued, PoseRecord};
 
 pub(crate) const TUM: Kind = Kind {
     numbers: Some(|line| line.len() == TUM_COLUMNS.len()),
@@ -113,6 +113,7 @@ fn some_numbers(text: &str, into: &mut Vec<f64>) -> bool {
 #[derive(Default)]
 struct PoseRows {
     poses: Vec<PoseRecord>,
+    times: Continued,
     /// Unit of the times, seconds, from the first.
     unit_s: Option<f64>,
     /// Rows without a pose, and the line of the first.
@@ -130,6 +131,9 @@ impl PoseRows {
             }
             self.empty += 1;
             return Ok(());
+        }
+        if let Err(found) = self.times.in_order(time) {
+            return Err(lines.error(found, IN_ORDER));
         }
         let rotation = rotation(qx, qy, qz, qw).map_err(|length| {
             lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
@@ -197,21 +201,24 @@ mod tests {
     #[test]
     fn rows_without_a_pose_and_repeated_times_are_left_out_and_said() {
         let text = "1 0 0 0 0 0 0 1\n2 nan nan nan nan nan nan nan\n3 1 1 1 0 0 0 0\n\
-                    4 1 0 0 0 0 0 1\n4 1 0 0 0 0 0 1\n5 2 0 0 0 0 0 1\n4.5 2 0 0 0 0 0 1\n";
+                    4 1 0 0 0 0 0 1\n4 1 0 0 0 0 0 1\n5 2 0 0 0 0 0 1\n";
         let (poses, remarks) = read_text(text).unwrap();
         let times_s: Vec<f64> = poses.iter().map(|pose| pose.time_s).collect();
-        assert!(
-            times_s == [1.0, 4.0, 4.5] || times_s == [1.0, 4.0, 5.0],
-            "{times_s:?}"
-        );
+        assert_eq!(times_s, [1.0, 4.0, 5.0]);
         let remarks = remarks.join("\n");
         assert!(
             remarks.contains("left out: 2, the first in line 2"),
             "{remarks}"
         );
         assert!(
-            remarks.contains("2 of 5 poses left out: 1 with the time of the pose before, 1 out"),
+            remarks.contains("1 of 4 poses left out: 1 with the time of the pose before"),
             "{remarks}"
+        );
+        let late = read_text("5 0 0 0 0 0 0 1\n4 1 0 0 0 0 0 1\n").unwrap_err();
+        assert!(
+            late.to_string()
+                .contains("line 2: found time 4 s after 5 s"),
+            "{late}"
         );
         let wrong = read_text("1 0 0 0 0 0 0 0.5\n").unwrap_err().to_string();
         assert!(

@@ -361,25 +361,4 @@ fn too_many(count: usize, most: usize) -> Decoded<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_unit_of_absolute_times_follows_from_the_stamp_then_from_their_size() {
-        for (time, stamp_s, expected) in [
-            (1.7e9, 1.7e9, Some(1.0)),
-            (1.7e12, 1.7e9, Some(1e-3)),
-            (1.7e18, 1.7e9, Some(1e-9)),
-            // Times since the start of the scanner, like the stamp.
-            (1.2e12, 1200.0, Some(1e-9)),
-            (1.2e9, 1200.0, Some(1e-6)),
-            // A clock other than the stamp's, or no stamp.
-            (1.7e15, 1200.0, Some(1e-6)),
-            (1.7e18, 0.0, Some(1e-9)),
-            (5e4, 0.0, None),
-            (f64::NAN, 1.0, None),
-        ] {
-            assert_eq!(unit_of_absolute(time, stamp_s), expected, "{time}");
-        }
-    }
-}
+mod tests;

@@ -29,8 +29,8 @@ const ALL: [Kind; 7] = [
     Kind::Other,
 ];
 
-/// Copies the records of a recording that are whole, chunks as they are. The index of the whole file, which the copy no
-/// longer fits, is left out: readers find the messages without it, and `mcap recover` or `rosbag reindex` adds one.
+/// Copies the records of a recording that are whole, chunks as they are. The index of the whole file, which does not
+/// fit the copy, is left out: readers find the messages without it, and `mcap recover` or `rosbag reindex` adds one.
 ///
 /// # Errors
 /// Files that cannot be read or written; another format.

@@ -22,7 +22,7 @@ use crate::format::input::Input;
 use crate::format::kind;
 use crate::format::text::lines::Lines;
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
-use crate::sensor::{ImuBias, ImuSample, PoseRecord, PositionFix, Positions};
+use crate::sensor::{Continued, ImuBias, ImuSample, PoseRecord, PositionFix, Positions};
 
 /// The content of a file of the data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -264,10 +264,14 @@ pub fn read_imu(input: &Input) -> Result<Vec<ImuSample>> {
 /// S is the IMU in ground truth and the rigid body of markers in a motion capture file.
 ///
 /// # Errors
-/// Those of [`read_imu`]; quaternions that are not of unit length.
+/// Those of [`read_imu`]; quaternions that are not of unit length; times that run backwards.
 pub fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
     let kinds = [Kind::State, Kind::Pose];
+    let mut times = Continued::default();
     read(input, &kinds, "pose", |time_s, values, kind, lines| {
+        if let Err(found) = times.in_order(time_s) {
+            return Err(lines.error(found, "times that increase"));
+        }
         let q = nalgebra::Quaternion::new(values[3], values[4], values[5], values[6]);
         let length = q.norm();
         if (length - 1.0).abs() > QUATERNION_SLACK {

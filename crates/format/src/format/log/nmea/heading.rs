@@ -1,6 +1,6 @@
 //! Sentences with headings.
 
-use super::sentence::{Heading, Sentence, digits, number, second_s};
+use super::fields::{Heading, Sentence, digits, number, second_s};
 use crate::format::text::civil::days_since_1970;
 
 /// A heading in degrees, 0 to 360.

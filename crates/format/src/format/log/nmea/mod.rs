@@ -20,6 +20,7 @@
 //! their own time.
 
 mod clock;
+mod fields;
 mod heading;
 mod place;
 mod sentence;
@@ -30,7 +31,8 @@ mod tests;
 use std::path::Path;
 
 use self::clock::{Clock, Moment};
-use self::sentence::{Heading, Place, Sentence, Useless, for_each_piece, parse, pieces};
+use self::fields::{Heading, Place, Sentence, Useless};
+use self::sentence::{for_each_piece, parse, pieces};
 pub use self::skipped::NmeaSkipped;
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;

@@ -1,6 +1,6 @@
 //! Sentences with positions and their accuracy.
 
-use super::sentence::{Place, Sentence, digits, number, second_s};
+use super::fields::{Place, Sentence, digits, number, second_s};
 use crate::format::text::civil::days_since_1970;
 use crate::geometry::Vec3;
 use crate::sensor::FixQuality;
