@@ -59,7 +59,7 @@ fn time_fits(path: &Path, time_s: f64, point: Option<u64>) -> Result<()> {
     Err(Error::format(
         path,
         Location::Whole,
-        format!("a time of {time_s:e} s{}{unit}", at_point(point)),
+        format!("{}a time of {time_s:e} s{unit}", with(point)),
         "times in seconds, below 1e11; in a table, a time column named for its unit (`time_ns`)",
     ))
 }
@@ -71,13 +71,13 @@ fn place_fits(path: &Path, place_m: &Vec3, point: Option<u64>) -> Result<()> {
     Err(Error::format(
         path,
         Location::Whole,
-        format!("a coordinate of {coordinate:e} m{}", at_point(point)),
+        format!("{}a coordinate of {coordinate:e} m", with(point)),
         "coordinates in metres, below 1e9: is the first column a time?",
     ))
 }
 
-fn at_point(point: Option<u64>) -> String {
-    point.map_or(String::new(), |index| format!(" at point {index}"))
+fn with(point: Option<u64>) -> String {
+    point.map_or(String::new(), |index| format!("point {index} with "))
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ fn times_and_coordinates_in_other_units_are_refused() {
         ),
         (
             "east_m,north_m,up_m\n1,2,3\n1,2,-2e9\n",
-            "a coordinate of -2e9 m at point 1",
+            "point 1 with a coordinate of -2e9 m",
         ),
     ] {
         std::fs::write(&path, text).unwrap();
