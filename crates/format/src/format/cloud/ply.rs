@@ -168,12 +168,22 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
             let least: usize = least.map(|p| p.length.unwrap_or(p.kind).size()).sum();
             bytes.check(element.count.saturating_mul(least as u64), &element.name)?;
         }
+        let has_lists = element.properties.iter().any(|p| p.length.is_some());
+        let mut record = vec![0; element.properties.iter().map(|p| p.kind.size()).sum()];
         for _ in 0..element.count {
             values.clear();
             match header.encoding {
                 Encoding::Text => text_record(&mut bytes, element, &mut values)?,
+                Encoding::Binary { big_endian } if has_lists => {
+                    record_with_lists(&mut bytes, element, big_endian, &mut values)?;
+                }
                 Encoding::Binary { big_endian } => {
-                    binary_record(&mut bytes, element, big_endian, &mut values)?;
+                    bytes.take(&mut record, "a record")?;
+                    let mut at = 0;
+                    for property in &element.properties {
+                        values.push(property.kind.read(&record[at..], big_endian));
+                        at += property.kind.size();
+                    }
                 }
             }
             if is_vertex {
@@ -212,7 +222,7 @@ fn text_record(bytes: &mut Bytes, element: &Element, values: &mut Vec<f64>) -> R
 }
 
 /// Reads the numbers of a record, without its lists.
-fn binary_record(
+fn record_with_lists(
     bytes: &mut Bytes,
     element: &Element,
     big_endian: bool,

@@ -119,11 +119,17 @@ impl Header {
         text: &str,
         numerals: &mut Numerals,
     ) -> std::result::Result<[f64; 5], (String, String)> {
+        let mut tried = *numerals;
+        let first_error = match self.row(text, self.separator, &mut tried) {
+            Ok(row) => {
+                *numerals = tried;
+                return Ok(row);
+            }
+            Err(error) => error,
+        };
         let values = without_trailer(text);
         let of_row = Separator::of(values);
-        let mut first_error = None;
         for (text, separator) in [
-            (text, self.separator),
             (values, self.separator),
             (text, of_row),
             (values, of_row),
@@ -131,15 +137,12 @@ impl Header {
             (values, Separator::Space),
         ] {
             let mut tried = *numerals;
-            match self.row(text, separator, &mut tried) {
-                Ok(row) => {
-                    (*numerals, self.separator) = (tried, separator);
-                    return Ok(row);
-                }
-                Err(error) => first_error = first_error.or(Some(error)),
+            if let Ok(row) = self.row(text, separator, &mut tried) {
+                (*numerals, self.separator) = (tried, separator);
+                return Ok(row);
             }
         }
-        Err(first_error.unwrap_or_default())
+        Err(first_error)
     }
 }
 

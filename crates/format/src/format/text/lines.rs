@@ -91,9 +91,7 @@ impl Lines {
                 break;
             }
             let most = buffer.len().min(LONGEST_LINE as usize - self.line.len());
-            let end = buffer[..most]
-                .iter()
-                .position(|b| matches!(b, b'\n' | b'\r'));
+            let end = memchr::memchr2(b'\n', b'\r', &buffer[..most]);
             let taken = end.map_or(most, |end| end + 1);
             self.line.extend_from_slice(&buffer[..taken]);
             self.reader.consume(taken);
@@ -233,7 +231,9 @@ pub(crate) enum Separator {
 
 impl Separator {
     pub(crate) fn of(line: &str) -> Self {
-        if line.contains(';') {
+        if memchr::memchr3(b';', b',', b'\t', line.as_bytes()).is_none() {
+            Self::Space
+        } else if line.contains(';') {
             Self::Semicolon
         } else if line.contains(',') && !has_decimal_commas(line) {
             Self::Comma
@@ -266,12 +266,18 @@ impl Separator {
                     Self::Semicolon => ';',
                     _ => '\t',
                 };
-                let has_quotes = line.contains('"');
+                if !line.contains('"') {
+                    for cell in line.split(mark) {
+                        take(count, cell.trim_ascii())?;
+                        count += 1;
+                    }
+                    return Ok(count);
+                }
                 let mut is_quoted = false;
                 let mut rest = Some(line);
                 while let Some(text) = rest {
                     let end = text.find(|c: char| {
-                        is_quoted ^= has_quotes && c == '"';
+                        is_quoted ^= c == '"';
                         c == mark && !is_quoted
                     });
                     let cell = &text[..end.unwrap_or(text.len())];
@@ -315,8 +321,13 @@ fn has_decimal_commas(line: &str) -> bool {
 
 /// A line of numbers without a comment behind them and without a separator behind the last one.
 pub(crate) fn without_trailer(line: &str) -> &str {
-    let end = ["#", "//"].into_iter().filter_map(|mark| line.find(mark));
-    let content = line[..end.min().unwrap_or(line.len())].trim_ascii();
+    let content = match memchr::memchr2(b'#', b'/', line.as_bytes()) {
+        None => line,
+        Some(_) => {
+            let end = ["#", "//"].into_iter().filter_map(|mark| line.find(mark));
+            line[..end.min().unwrap_or(line.len())].trim_ascii()
+        }
+    };
     let content = if content.is_empty() { line } else { content };
     content.strip_suffix([',', ';']).unwrap_or(content)
 }

@@ -161,20 +161,21 @@ impl Table {
                 if !std::mem::take(pending) && !lines.next_content()? {
                     return Ok(false);
                 }
-                let of_header = text_row(lines, *separator, numerals, names, slots, row);
-                let of_row = match Separator::of(without_trailer(lines.text())) {
-                    // Tabs may also be aligned.
-                    Separator::Tab => Separator::Space,
-                    other => other,
-                };
-                if of_header.is_err() && of_row != *separator {
+                let read = text_row(lines, *separator, numerals, names, slots, row);
+                read.or_else(|error| {
                     // Rows may have other separators than the header above them.
-                    if text_row(lines, of_row, numerals, names, slots, row).is_ok() {
-                        *separator = of_row;
-                        return Ok(true);
+                    let of_row = match Separator::of(without_trailer(lines.text())) {
+                        // Tabs may also be aligned.
+                        Separator::Tab => Separator::Space,
+                        other => other,
+                    };
+                    if of_row == *separator {
+                        return Err(error);
                     }
-                }
-                of_header?;
+                    text_row(lines, of_row, numerals, names, slots, row).map_err(|_| error)?;
+                    *separator = of_row;
+                    Ok(())
+                })?;
             }
             Source::Parquet(rows) => {
                 if !rows.advance()? {
