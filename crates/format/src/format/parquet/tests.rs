@@ -3,8 +3,10 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::format::cloud::sink::{CloudPoint, CloudShape};
 use crate::format::mutation::for_each_damaged;
+use crate::format::profiles::table::PROFILES;
+use crate::format::text::table::Table;
 use crate::format::{
-    ExtraDimension, ExtraKind, ExtraValue, detect, inspect, open_profiles, read_cloud,
+    ExtraDimension, ExtraKind, ExtraValue, Input, detect, inspect, open_profiles, read_cloud,
     read_trajectory, salvage,
 };
 use crate::geometry::Vec3;
@@ -46,17 +48,21 @@ fn files_of_other_programs_are_read_exactly() {
 
 #[test]
 fn time_stamps_become_seconds_and_integers_keep_their_range() {
-    let mut reader = open_profiles(&sample("pandas_timestamp")).unwrap();
-    let mut points = Vec::new();
-    assert!(reader.next_chunk(&mut points).unwrap());
-    assert_eq!(points.len(), 40);
-    for (k, point) in points.iter().enumerate() {
-        let time_s = 1.7e9 + k as f64 * 1.5e-3;
-        assert!((point.time_s - time_s).abs() < 3e-7, "{}", point.time_s);
-        assert_eq!(point.position_m.x, k as f64);
-        assert_eq!(point.position_m.z, 4_294_967_200.0 + k as f64);
+    let input = Input::from(&sample("pandas_timestamp"));
+    let mut table = Table::open(&input, &PROFILES).unwrap();
+    let mut row = [0.0; 5];
+    let mut k = 0.0;
+    while table.next_row(&mut row).unwrap() {
+        let [time_s, x_m, z_m, ..] = row;
+        assert!((time_s - (1.7e9 + k * 1.5e-3)).abs() < 3e-7, "{time_s}");
+        assert_eq!([x_m, z_m], [k, 4_294_967_200.0 + k]);
+        k += 1.0;
     }
-    assert_eq!(reader.bytes_read(), reader.bytes_total());
+    assert_eq!(k, 40.0);
+    assert_eq!(table.bytes_read(), table.bytes_total());
+    // As profiles, the largest integers of 32 bits are no metres.
+    let mut profiles = open_profiles(&input).unwrap();
+    assert!(profiles.next_chunk(&mut Vec::new()).is_err());
 }
 
 #[test]
