@@ -216,7 +216,7 @@ fn unprojected(path: &Path) -> Error {
 ///
 /// # Errors
 /// A file that is missing, damaged, of another format, or without points; coordinates and times beyond
-/// [`MOST_COORDINATE_M`] and [`MOST_TIME_S`].
+/// [`MOST_COORDINATE_M`](super::MOST_COORDINATE_M) and [`MOST_TIME_S`](super::MOST_TIME_S).
 pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
     let input = &input.into();
     if detect(input).is_err()
