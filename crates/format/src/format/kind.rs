@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::cloud::gathering::ReadCloud;
 use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::table::Columns;
@@ -71,7 +71,7 @@ pub(crate) struct Kind {
     pub(crate) positions: Option<fn(&Input, &Observations) -> Result<Positions>>,
     pub(crate) geographic: Option<Reader<Vec<GeographicFix>>>,
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
-    pub(crate) cloud: Option<Reader<ReadCloud>>,
+    pub(crate) cloud: Option<Reader<PointCloud>>,
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
     /// Finds a complete record at the beginning of a byte slice, for salvaging.
     pub(crate) record: Option<RecordAt>,

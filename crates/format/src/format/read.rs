@@ -8,11 +8,10 @@ use super::file::nothing_in;
 use super::input::Input;
 use super::kind::{Format, Frame, Kind};
 use super::kinds::KINDS;
-use super::plausible::{check_place, check_point, check_time};
+use super::plausible::{check_place, check_time};
 use super::recorded::{SensorClock, sensor_clock, station_times};
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::gathering::{ReadCloud, gaps};
 use crate::format::cloud::sink::CloudClock;
 use crate::format::cloud::table as cloud_table;
 use crate::format::las::file::LasFile;
@@ -225,7 +224,7 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
         // The reader of the native table would say less.
         return Err(error);
     }
-    let ReadCloud { cloud, remarks } = reader(
+    let cloud = reader(
         input,
         "a cloud",
         |kind| kind.cloud,
@@ -233,13 +232,6 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
     )?(input)?;
     if cloud.points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
-    }
-    for remark in remarks.into_iter().chain(gaps(&cloud)) {
-        input.remark(remark);
-    }
-    let times = cloud.time_s.iter().copied().chain(std::iter::repeat(0.0));
-    for (number, (point, time_s)) in cloud.points.iter().zip(times).enumerate() {
-        check_point(input.path(), number as u64, point, time_s)?;
     }
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(

@@ -3,10 +3,11 @@
 use std::io::BufReader;
 use std::path::Path;
 
+use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::binary::Number;
 use crate::format::cloud::crs;
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::format::file::guarded;
 use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind};
@@ -68,9 +69,9 @@ fn describe_frame(input: &Input) -> Result<String> {
     ))
 }
 
-pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     let (file, size) = open(input)?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut names = Vec::new();
     guarded(input.path(), "E57", || {
         let mut reader = e57::E57Reader::new(BufReader::new(file))
@@ -113,9 +114,9 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
         Ok(())
     })?;
     if !names.is_empty() {
-        gathering.remark(format!("the attributes {} are left out", names.join(", ")));
+        input.remark(format!("the attributes {} are left out", names.join(", ")));
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 /// The name of an attribute of points that is not read.

@@ -1,7 +1,9 @@
 //! The fields of records with a layout described by a header: PLY, PCD and `.npy`.
 
+use crate::cloud::PointCloud;
+use crate::error::Result;
 use crate::format::binary::Number;
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::geometry::Vec3;
 
 /// The fields of a record that hold a point.
@@ -68,16 +70,19 @@ impl Fields {
     }
 
     /// Adds a record to a cloud.
-    pub(crate) fn push(&self, values: &[f64], into: &mut Gathering) {
+    pub(crate) fn push(&self, values: &[f64], into: &mut Gathering<'_>) {
         let at = |index: Option<usize>| index.map_or(f64::NAN, |i| values[i]);
         let [x, y, z] = self.xyz.map(|i| values[i]);
         into.push(Vec3::new(x, y, z), at(self.time), at(self.intensity));
     }
 
     /// The cloud, with remarks on the fields that are left out.
-    pub(crate) fn finish(self, mut gathering: Gathering) -> ReadCloud {
+    ///
+    /// # Errors
+    /// Those of [`Gathering::finish`].
+    pub(crate) fn finish(self, gathering: Gathering<'_>) -> Result<PointCloud> {
         for remark in self.remarks {
-            gathering.remark(remark);
+            gathering.input().remark(remark);
         }
         gathering.finish()
     }

@@ -1,37 +1,39 @@
 //! The points of a cloud file as its reader finds them, and what is left out of them.
 
 use crate::cloud::PointCloud;
+use crate::error::{Error, Result};
+use crate::format::input::Input;
+use crate::format::plausible::check_point;
 use crate::geometry::{Vec3, is_finite};
 
-/// A cloud, and remarks on what its file holds that is not in it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct ReadCloud {
-    /// The points. A time or an intensity is NaN where a point has none.
-    pub cloud: PointCloud,
-    /// What was left out or assumed, with numbers, one sentence each.
-    pub remarks: Vec<String>,
-}
-
-impl From<PointCloud> for ReadCloud {
-    fn from(cloud: PointCloud) -> Self {
-        Self {
-            cloud,
-            remarks: Vec::new(),
-        }
-    }
-}
-
-/// Collects the points of a file.
-#[derive(Default)]
-pub(crate) struct Gathering {
-    read: ReadCloud,
+/// Collects the points of a file; the input remarks what is left out of them.
+pub(crate) struct Gathering<'a> {
+    input: &'a Input,
+    cloud: PointCloud,
     /// Records without a position, which were not measured.
     unmeasured: u64,
     /// Points at the origin of their scanner, which were not measured.
     at_scanner: u64,
+    /// The error of the first point that is too far away or too late.
+    impossible: Option<Error>,
 }
 
-impl Gathering {
+impl<'a> Gathering<'a> {
+    pub(crate) fn new(input: &'a Input) -> Self {
+        Self {
+            input,
+            cloud: PointCloud::default(),
+            unmeasured: 0,
+            at_scanner: 0,
+            impossible: None,
+        }
+    }
+
+    /// The file.
+    pub(crate) fn input(&self) -> &Input {
+        self.input
+    }
+
     /// Adds a record; NaN stands for values that it does not have. Without a finite position it was not measured.
     pub(crate) fn push(&mut self, position: Vec3, time_s: f64, intensity: f64) {
         if !is_finite(&position) {
@@ -39,10 +41,14 @@ impl Gathering {
             return;
         }
         let or_none = |value: f64| if value.is_finite() { value } else { f64::NAN };
-        let cloud = &mut self.read.cloud;
-        cloud.points.push(position);
-        cloud.time_s.push(or_none(time_s));
-        cloud.intensity.push(or_none(intensity) as f32);
+        let time_s = or_none(time_s);
+        let number = self.cloud.points.len() as u64;
+        if let Err(error) = check_point(self.input.path(), number, &position, time_s) {
+            self.impossible.get_or_insert(error);
+        }
+        self.cloud.points.push(position);
+        self.cloud.time_s.push(time_s);
+        self.cloud.intensity.push(or_none(intensity) as f32);
     }
 
     /// Counts a point at the origin of its scanner.
@@ -50,40 +56,38 @@ impl Gathering {
         self.at_scanner += 1;
     }
 
-    /// Adds a remark.
-    pub(crate) fn remark(&mut self, remark: String) {
-        self.read.remarks.push(remark);
-    }
-
     /// Makes room for this many points.
     pub(crate) fn reserve(&mut self, points: usize) {
-        let cloud = &mut self.read.cloud;
-        cloud.points.reserve_exact(points);
-        cloud.time_s.reserve_exact(points);
-        cloud.intensity.reserve_exact(points);
+        self.cloud.points.reserve_exact(points);
+        self.cloud.time_s.reserve_exact(points);
+        self.cloud.intensity.reserve_exact(points);
     }
 
     /// The cloud; times and intensities that no point has are removed.
-    pub(crate) fn finish(self) -> ReadCloud {
-        let Self {
-            mut read,
-            unmeasured,
-            at_scanner,
-        } = self;
-        read.cloud.forget_absent();
-        if unmeasured > 0 {
-            read.remarks.push(format!(
-                "left out: {} without a position",
-                counted(unmeasured, "record")
-            ));
+    ///
+    /// # Errors
+    /// A coordinate or a time beyond any sensor.
+    pub(crate) fn finish(mut self) -> Result<PointCloud> {
+        if let Some(error) = self.impossible {
+            return Err(error);
         }
-        if at_scanner > 0 {
-            read.remarks.push(format!(
-                "left out: {} at the origin of the scanner, not measured",
-                counted(at_scanner, "point")
-            ));
+        self.cloud.forget_absent();
+        let left_out = [
+            (self.unmeasured, "record", "without a position"),
+            (
+                self.at_scanner,
+                "point",
+                "at the origin of the scanner, not measured",
+            ),
+        ];
+        for (count, thing, why) in left_out.into_iter().filter(|(count, ..)| *count > 0) {
+            let records = counted(count, thing);
+            self.input.remark(format!("left out: {records} {why}"));
         }
-        read
+        gaps(&self.cloud)
+            .into_iter()
+            .for_each(|gap| self.input.remark(gap));
+        Ok(self.cloud)
     }
 }
 
@@ -104,7 +108,7 @@ pub(crate) fn counted(count: u64, thing: &str) -> String {
 }
 
 /// Remarks on columns with gaps.
-pub(crate) fn gaps(cloud: &PointCloud) -> Vec<String> {
+fn gaps(cloud: &PointCloud) -> Vec<String> {
     let points = cloud.points.len();
     let times = cloud.time_s.iter().filter(|v| v.is_nan()).count();
     let intensities = cloud.intensity.iter().filter(|v| v.is_nan()).count();

@@ -1,9 +1,10 @@
 //! NumPy `.npy`: an array of shape (n, 3 or more) or (3, n), or records with the fields x, y and z.
 
+use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
 use crate::format::cloud::fields::Fields;
-use crate::format::cloud::gathering::{Gathering, ReadCloud, unnamed};
+use crate::format::cloud::gathering::{Gathering, unnamed};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::lines::MOST_COLUMNS;
@@ -38,7 +39,7 @@ struct Header {
     shape: Vec<u64>,
 }
 
-pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     let mut bytes = Bytes::open(input)?;
     let mut head = [0; 8];
     bytes.take(&mut head, "the start of an .npy file")?;
@@ -67,9 +68,9 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
     };
     let header = header(&text).ok_or_else(|| unsupported(&bytes))?;
     match (header.is_structured, header.shape.as_slice()) {
-        (true, [n]) => records(&mut bytes, &header, *n, unsupported),
+        (true, [n]) => records(input, &mut bytes, &header, *n, unsupported),
         (false, [rows, columns]) if *columns >= 3 || *rows == 3 => {
-            table(&mut bytes, &header, [*rows, *columns])
+            table(input, &mut bytes, &header, [*rows, *columns])
         }
         _ => Err(unsupported(&bytes)),
     }
@@ -77,17 +78,18 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
 
 /// Reads records with x, y and z among their fields.
 fn records(
+    input: &Input,
     bytes: &mut Bytes,
     header: &Header,
     n: u64,
     unsupported: impl Fn(&Bytes) -> crate::error::Error,
-) -> Result<ReadCloud> {
+) -> Result<PointCloud> {
     let names: Vec<String> = header.fields.iter().map(|(name, _)| name.clone()).collect();
     let types: Vec<Number> = header.fields.iter().map(|(_, item)| item.kind).collect();
     let fields = Fields::of(&names, &types).ok_or_else(|| unsupported(bytes))?;
     let length: usize = types.iter().map(|kind| kind.size()).sum();
     bytes.check(n.saturating_mul(length as u64), "records")?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut record = vec![0; length];
     let mut values = vec![0.0; types.len()];
     for _ in 0..n {
@@ -99,11 +101,16 @@ fn records(
         }
         fields.push(&values, &mut gathering);
     }
-    Ok(fields.finish(gathering))
+    fields.finish(gathering)
 }
 
 /// Reads an array of numbers, in which points are rows or, if it has three rows, columns.
-fn table(bytes: &mut Bytes, header: &Header, [rows, columns]: [u64; 2]) -> Result<ReadCloud> {
+fn table(
+    input: &Input,
+    bytes: &mut Bytes,
+    header: &Header,
+    [rows, columns]: [u64; 2],
+) -> Result<PointCloud> {
     let (_, Item { kind, big_endian }) = header.fields[0];
     let count = rows.saturating_mul(columns);
     bytes.check(count.saturating_mul(kind.size() as u64), "coordinates")?;
@@ -129,12 +136,12 @@ fn table(bytes: &mut Bytes, header: &Header, [rows, columns]: [u64; 2]) -> Resul
         let column = |i| Vec3::from_fn(|axis, _| at(axis, i));
         (0..columns).map(column).collect()
     };
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let points = match (rows, columns) {
         (3, 3..=MOST_COLUMNS) => {
             let (by_rows, by_columns) = (as_rows(), as_columns());
             let is_by_rows = extent(&by_rows) <= extent(&by_columns);
-            gathering.remark(format!(
+            input.remark(format!(
                 "points may be the rows or the columns of an array of shape (3, {columns}): the {} lie closer together \
                  and are taken for points",
                 if is_by_rows { "rows" } else { "columns" }
@@ -147,12 +154,12 @@ fn table(bytes: &mut Bytes, header: &Header, [rows, columns]: [u64; 2]) -> Resul
     if points.len() == rows
         && let Some(remark) = unnamed(columns)
     {
-        gathering.remark(remark);
+        input.remark(remark);
     }
     for point in points {
         gathering.push(point, f64::NAN, f64::NAN);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 /// Diagonal of the box around points.

@@ -1,9 +1,10 @@
 //! PCD of the Point Cloud Library: text, binary, and binary compressed with LZF.
 
+use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::{Bytes, Number};
 use crate::format::cloud::fields::Fields;
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::numerals::Numerals;
@@ -144,16 +145,16 @@ fn number(kind: &str, size: &str) -> Option<Number> {
     })
 }
 
-pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
     let fields = Fields::of(&header.names, &header.types).ok_or_else(|| {
         let found = format!("the fields {}", header.names.join(" "));
         bytes.error(found, "x, y and z")
     })?;
-    let mut cloud = Gathering::default();
+    let mut cloud = Gathering::new(input);
     if let Some(remark) = header.viewpoint.as_deref().and_then(viewpoint_remark) {
-        cloud.remark(remark);
+        input.remark(remark);
     }
     let mut values = vec![0.0; header.names.len()];
     let sizes: Vec<usize> = header
@@ -242,7 +243,7 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
             }
         }
     }
-    Ok(fields.finish(cloud))
+    fields.finish(cloud)
 }
 
 /// What to say about a viewpoint that is not the origin, unturned.

@@ -1,9 +1,10 @@
 //! PLY: text, little-endian and big-endian; the points are the element `vertex`.
 
+use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
 use crate::format::binary::{Bytes, Number};
 use crate::format::cloud::fields::Fields;
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::numerals::Numerals;
@@ -141,7 +142,7 @@ impl Header {
     }
 }
 
-pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     let mut bytes = Bytes::open(input)?;
     let header = read_header(&mut bytes)?;
     let names: Vec<String> = header.numbers().map(|p| p.name.clone()).collect();
@@ -150,14 +151,14 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
         let found = format!("the vertex properties {}", names.join(", "));
         bytes.error(found, "x, y and z")
     })?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let lists = header.vertices.properties.iter();
     let lists: Vec<&str> = lists
         .filter(|property| property.length.is_some())
         .map(|property| property.name.as_str())
         .collect();
     if !lists.is_empty() {
-        gathering.remark(format!("the lists {} are left out", lists.join(", ")));
+        input.remark(format!("the lists {} are left out", lists.join(", ")));
     }
     let mut values = Vec::with_capacity(names.len());
     let elements = header.before.iter().chain([&header.vertices]);
@@ -191,7 +192,7 @@ pub(crate) fn read(input: &Input) -> Result<ReadCloud> {
             }
         }
     }
-    Ok(fields.finish(gathering))
+    fields.finish(gathering)
 }
 
 /// Reads the numbers of a record, without its lists, from the next line that is not empty.

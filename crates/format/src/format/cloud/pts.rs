@@ -1,7 +1,8 @@
 //! PTS and PTX of Leica: text with x y z, mostly with intensity and colours; PTX has grids with a transform.
 
+use crate::cloud::PointCloud;
 use crate::error::{Error, Result};
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::text::lines::Lines;
@@ -66,9 +67,9 @@ fn left_out(width: usize) -> Option<String> {
 }
 
 /// Reads PTS: a count, then that many points; several such blocks may follow. A count may be missing or wrong.
-pub(crate) fn read_pts(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read_pts(input: &Input) -> Result<PointCloud> {
     let mut lines = Lines::open(input)?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut cells = Vec::new();
     let (mut announced, mut found, mut widest) = (None, 0u64, 0);
     while row(&mut lines, 1, &mut cells)? {
@@ -89,29 +90,27 @@ pub(crate) fn read_pts(input: &Input) -> Result<ReadCloud> {
         gathering.push(position, f64::NAN, intensity(&cells));
     }
     match announced {
-        None => {
-            gathering.remark("the file does not begin with the number of its points".to_owned())
-        }
+        None => input.remark("the file does not begin with the number of its points".to_owned()),
         Some(n) if n > found => {
             return Err(ended(&lines, &format!("{n} points (found {found})")));
         }
-        Some(n) if n < found => gathering.remark(format!(
+        Some(n) if n < found => input.remark(format!(
             "the file announces {n} points and has {found}: all are read"
         )),
         Some(_) => {}
     }
     if let Some(remark) = left_out(widest) {
-        gathering.remark(remark);
+        input.remark(remark);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 /// Reads PTX: for each scan columns and rows, position and axes of the scanner (repeated by the
 /// transform), the transform for row vectors, and the points; points at (0, 0, 0) were not
 /// measured.
-pub(crate) fn read_ptx(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read_ptx(input: &Input) -> Result<PointCloud> {
     let mut lines = Lines::open(input)?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut cells = Vec::new();
     let mut widest = 0;
     while row(&mut lines, 1, &mut cells)? {
@@ -152,7 +151,7 @@ pub(crate) fn read_ptx(input: &Input) -> Result<ReadCloud> {
         }
     }
     if let Some(remark) = left_out(widest) {
-        gathering.remark(remark);
+        input.remark(remark);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }

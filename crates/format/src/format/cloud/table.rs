@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
-use crate::format::cloud::gathering::{Gathering, ReadCloud, unnamed};
+use crate::format::cloud::gathering::{Gathering, unnamed};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::TableWriter;
@@ -48,10 +48,10 @@ const WITH_GAPS: Columns = Columns {
 };
 
 /// Reads a native table.
-pub(crate) fn read_table(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read_table(input: &Input) -> Result<PointCloud> {
     Table::open(input, &CLOUD)?;
     let mut table = Table::open(input, &WITH_GAPS)?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut row = [0.0; 6];
     let is_unknown = |name: &&String| !CLOUD.names(name);
     let left_out: Vec<&str> = table
@@ -61,7 +61,7 @@ pub(crate) fn read_table(input: &Input) -> Result<ReadCloud> {
         .map(String::as_str)
         .collect();
     if !left_out.is_empty() {
-        gathering.remark(format!("the columns {} are left out", left_out.join(", ")));
+        input.remark(format!("the columns {} are left out", left_out.join(", ")));
     }
     while table.next_row(&mut row)? {
         // A row without a position was not measured, one with a part of it is damaged.
@@ -74,13 +74,13 @@ pub(crate) fn read_table(input: &Input) -> Result<ReadCloud> {
         }
         gathering.push(Vec3::new(row[0], row[1], row[2]), row[3], row[4]);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 /// Reads lines that begin with x y z and have as many numbers as the first line.
-pub(crate) fn read_xyz(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read_xyz(input: &Input) -> Result<PointCloud> {
     let mut lines = Lines::open(input)?;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut cells = Vec::new();
     let mut width = 0;
     let fits = |n, width| n >= 3 && (width == 0 || n == width);
@@ -93,14 +93,14 @@ pub(crate) fn read_xyz(input: &Input) -> Result<ReadCloud> {
         gathering.push(Vec3::new(cells[0], cells[1], cells[2]), f64::NAN, f64::NAN);
     }
     if lines.numerals().has_decimal_commas {
-        gathering.remark("commas are read as decimal marks".to_owned());
+        input.remark("commas are read as decimal marks".to_owned());
     }
     if let Some(remark) = unnamed(width) {
-        gathering.remark(format!(
+        input.remark(format!(
             "{remark}: put a header above them, such as `x y z intensity`"
         ));
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 /// Writes a cloud as a native table that [`read_cloud`](crate::format::read_cloud) reads back bit by bit.

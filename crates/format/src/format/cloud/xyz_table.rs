@@ -9,8 +9,9 @@
 //! A table that begins with its time and has no intensity may be a log of positions, and a table with angles or a
 //! quaternion may be a log of poses: neither is accepted as a cloud.
 
+use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::gathering::{Gathering, ReadCloud};
+use crate::format::cloud::gathering::Gathering;
 use crate::format::cloud::names::{Meaning, is_cloud, meaning};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
@@ -156,11 +157,11 @@ fn comment(text: &str) -> Option<&str> {
 /// # Errors
 /// A line with another number of values than the header, a repeated column, a number of points other than the file
 /// announces.
-fn read(input: &Input) -> Result<ReadCloud> {
+fn read(input: &Input) -> Result<PointCloud> {
     let mut lines = Lines::open(input)?;
     let mut header: Option<Header> = None;
     let mut announced: Option<u64> = None;
-    let mut gathering = Gathering::default();
+    let mut gathering = Gathering::new(input);
     let mut numerals = Numerals::default();
     let mut rows = 0u64;
     while lines.advance()? {
@@ -205,12 +206,12 @@ fn read(input: &Input) -> Result<ReadCloud> {
         ));
     }
     if numerals.has_decimal_commas {
-        gathering.remark("commas are read as decimal marks".to_owned());
+        input.remark("commas are read as decimal marks".to_owned());
     }
     if let Some(remark) = header.as_ref().and_then(Header::left_out) {
-        gathering.remark(remark);
+        input.remark(remark);
     }
-    Ok(gathering.finish())
+    gathering.finish()
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::gathering::ReadCloud;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::file::{LasFile, LasPoint};
@@ -79,7 +78,7 @@ pub fn stream_las(
 }
 
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
-pub(crate) fn read_las(input: &Input) -> Result<ReadCloud> {
+pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     let mut file = LasFile::open(input)?;
     let count = count_of(&file)?;
     let empty = |most| PointCloud {
@@ -95,11 +94,13 @@ pub(crate) fn read_las(input: &Input) -> Result<ReadCloud> {
             cloud.time_s.push(point.time_s);
         }
     };
-    let remarks = file.remarks();
+    for remark in file.remarks() {
+        input.remark(remark);
+    }
     let mut cloud = empty(count as usize);
     if !file.can_seek() {
         read_until(&mut file, count, &mut cloud, take)?;
-        return Ok(ReadCloud { cloud, remarks });
+        return Ok(cloud);
     }
     let parts = read_parts(input, 0..count.div_ceil(PART), count, empty, take)?;
     for part in parts {
@@ -107,7 +108,7 @@ pub(crate) fn read_las(input: &Input) -> Result<ReadCloud> {
         cloud.time_s.extend(part.time_s);
         cloud.intensity.extend(part.intensity);
     }
-    Ok(ReadCloud { cloud, remarks })
+    Ok(cloud)
 }
 
 /// As [`stream_las`], on one thread, for a file in which the decoder cannot seek.

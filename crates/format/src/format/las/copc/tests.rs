@@ -14,8 +14,7 @@ use crate::format::cloud::sink::{CloudClock, CloudPoint, CloudShape};
 use crate::format::input::Input;
 use crate::format::las::chunks;
 use crate::format::las::file::LasFile;
-use crate::format::las::points;
-use crate::format::las::points::{las_count, stream_las};
+use crate::format::las::points::{las_count, read_las, stream_las};
 use crate::format::las::record::{Placement, append_record};
 use crate::format::mutation::for_each_damaged;
 use crate::format::text::civil::unix_from_adjusted_gps_s;
@@ -223,11 +222,6 @@ fn write_cells(path: &Path, sizes: &[usize]) {
     let out = BufWriter::new(File::create(path).unwrap());
     let record = |number: u32| &records[number as usize][..];
     file.write(out, &cells, &points, &record).unwrap();
-}
-
-/// The points of a file, on all threads.
-fn read_las(path: &Input) -> Result<PointCloud> {
-    points::read_las(path).map(|read| read.cloud)
 }
 
 /// As [`read_las`], on one thread.
