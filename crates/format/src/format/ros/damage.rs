@@ -10,25 +10,6 @@ const WINDOW: usize = 1 << 20;
 /// More bytes than the prefix and the head of a chunk have.
 const HEAD: usize = 256;
 
-/// Whether a chunk that fits in `left` bytes begins here: its length is that of its head and its packed records.
-fn is_chunk(bytes: &[u8], left: u64) -> bool {
-    const CHUNK: u8 = 6;
-    let Some((&CHUNK, content)) = bytes.split_first() else {
-        return false;
-    };
-    let fits = |mut rest: Cursor<'_>| -> Option<bool> {
-        let length = rest.u64().filter(|length| *length < left)?;
-        let before = rest.0.len();
-        rest.take(16 + 8 + 4)?;
-        let compression = rest.sized()?;
-        let packed = rest.u64()?;
-        let head = (before - rest.0.len()) as u64;
-        let is_known = matches!(compression, b"" | b"none" | b"lz4" | b"zstd" | b"bz2");
-        Some(is_known && head.checked_add(packed) == Some(length))
-    };
-    fits(Cursor(content)) == Some(true)
-}
-
 impl Walk {
     /// Passes over a damaged place.
     pub(super) fn pass_over(&mut self, error: Error) {
@@ -70,7 +51,8 @@ impl Walk {
             } else {
                 window.len() - HEAD
             };
-            let found = (0..searched).find(|at| is_chunk(&window[*at..], left - *at as u64));
+            let found = (0..searched)
+                .find(|at| mcap::begins_chunk(Cursor(&window[*at..]), left - *at as u64));
             if let Some(at) = found {
                 self.seek(start + at as u64)?;
                 return Ok(true);

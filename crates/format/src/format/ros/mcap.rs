@@ -96,16 +96,33 @@ pub(super) fn parse(raw: Raw<'_>) -> Option<Record<'_>> {
 
 /// The head of a chunk, from its content.
 pub(super) fn chunk_head(content: &[u8]) -> Option<ChunkHead<'_>> {
+    head_and_length(content).map(|(head, _)| head)
+}
+
+/// The head of a chunk and the length of its packed records, which end at the end of the content.
+fn head_and_length(content: &[u8]) -> Option<(ChunkHead<'_>, u64)> {
     let mut data = Cursor(content);
     let _first_and_last_ns = data.take(16)?;
     let (size, crc) = (data.u64()?, data.u32()?);
     let compression = data.sized()?;
-    // The length of the packed records, which end at the end of the content.
-    let _length = data.u64()?;
-    Some(ChunkHead {
+    let length = data.u64()?;
+    let head = ChunkHead {
         compression,
         size,
         crc,
         start: content.len() - data.0.len(),
-    })
+    };
+    Some((head, length))
+}
+
+/// Whether a chunk that fits in `left` bytes begins here: its length is that of its head and its packed records.
+pub(super) fn begins_chunk(mut bytes: Cursor<'_>, left: u64) -> bool {
+    let mut length = || {
+        let (kind, length) = prefix(Cursor(bytes.take(PREFIX)?))?;
+        let (head, packed) = head_and_length(bytes.0).filter(|_| kind == Kind::Chunk)?;
+        let is_known = matches!(head.compression, b"" | b"none" | b"lz4" | b"zstd" | b"bz2");
+        let expected = (head.start as u64).checked_add(packed);
+        (is_known && expected == Some(length)).then_some(length)
+    };
+    length().is_some_and(|length| length < left)
 }
