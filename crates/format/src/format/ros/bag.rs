@@ -31,6 +31,14 @@ pub(crate) struct Topic {
     pub(super) channels: Vec<u32>,
 }
 
+impl Topic {
+    /// Whether it is called `wanted`, with or without the slash before a name; every topic is if none is wanted.
+    pub(super) fn is_named(&self, wanted: Option<&str>) -> bool {
+        let bare = self.name.trim_start_matches('/');
+        wanted.is_none_or(|name| name.trim_start_matches('/') == bare)
+    }
+}
+
 /// Lists the topics of a bag by name.
 pub(super) fn topics(input: &Input) -> Result<Vec<Topic>> {
     if let Some(directory) = Directory::from_indices(input)? {

@@ -61,17 +61,13 @@ fn frame_of(input: &Input, topic: &Topic) -> Option<String> {
 pub(super) fn describe(input: &Input) -> Result<String> {
     let part = Part::of(input.path());
     let file = Input::from(&part.file);
-    let bare = |name: &str| name.trim_start_matches('/').to_owned();
     let is_read = |topic: &Topic| {
         let types = [&Imu::TYPES[..], &NavSatFix::TYPES, &points::TYPES, &POSES];
         types
             .iter()
             .any(|types| types.contains(&topic.message_type.as_str()))
             && topic.count > 0
-            && part
-                .name
-                .as_ref()
-                .is_none_or(|name| bare(name) == bare(&topic.name))
+            && topic.is_named(part.name.as_deref())
     };
     let topics: Vec<Topic> = topics(&file)?.into_iter().filter(is_read).collect();
     let mut frames: Vec<(String, &Topic, usize)> = Vec::new();

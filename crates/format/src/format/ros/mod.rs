@@ -199,10 +199,8 @@ pub(crate) fn readable(input: &Input, wanted: Option<&str>) -> Result<Vec<(Conte
         .into_iter()
         .find_map(|(content, is_it)| is_it.then_some(content))
     };
-    let bare = |name: &str| name.trim_start_matches('/').to_owned();
-    let topics = topics(input)?.into_iter().filter(|topic| {
-        topic.count > 0 && wanted.is_none_or(|name| bare(name) == bare(&topic.name))
-    });
+    let topics = topics(input)?.into_iter();
+    let topics = topics.filter(|topic| topic.count > 0 && topic.is_named(wanted));
     let mut readable: Vec<(Content, String)> = topics
         .filter_map(|topic| Some((content(&topic)?, topic.name)))
         .collect();
@@ -215,7 +213,6 @@ pub(crate) fn readable(input: &Input, wanted: Option<&str>) -> Result<Vec<(Conte
 fn choose(input: &Input, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
     let topics = topics(input)?;
     let fits = |topic: &Topic| types.contains(&topic.message_type.as_str());
-    let bare = |name: &str| name.trim_start_matches('/').to_owned();
     let refused = |found: String, expected: String| {
         Err(Error::format(
             input.path(),
@@ -225,8 +222,7 @@ fn choose(input: &Input, wanted: Option<&str>, types: &[&str], what: &str) -> Re
         ))
     };
     let expected = format!("a topic with {what} ({})", types.join(", "));
-    let is_named = |topic: &Topic| wanted.is_none_or(|name| bare(name) == bare(&topic.name));
-    let mut candidates: Vec<&Topic> = topics.iter().filter(|t| is_named(t)).collect();
+    let mut candidates: Vec<&Topic> = topics.iter().filter(|t| t.is_named(wanted)).collect();
     if let (Some(name), true) = (wanted, candidates.is_empty()) {
         let found = format!("no topic `{name}` among {}", list(&topics));
         return refused(found, expected);
