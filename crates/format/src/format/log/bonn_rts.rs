@@ -21,7 +21,7 @@
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::log::old_distance::{OldDistances, PolarRow};
+use crate::format::log::old_distance::{OldDistances, PolarRow, without_range};
 use crate::format::log::positions::check_measured;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::Vec3;
@@ -111,23 +111,23 @@ pub fn read_polar(input: &Input) -> Result<RtsObservations> {
             geocom_code,
             rpc_code,
         ] = row;
-        let direction = Vec3::new(
-            vertical_rad.sin() * horizontal_rad.sin(),
-            vertical_rad.sin() * horizontal_rad.cos(),
-            vertical_rad.cos(),
-        );
-        let reason = match slope_distance_m {
-            0.0 => Some("zero range".to_owned()),
-            range if range < 0.0 => Some(format!("a range of {range} m")),
+        let reason = without_range(slope_distance_m).or_else(|| {
             // Before its first measurement.
-            _ if instrument_time_s == 0.0 => Some("no time of the instrument".to_owned()),
-            _ => old.reason(PolarRow {
+            if instrument_time_s == 0.0 {
+                return Some("no time of the instrument".to_owned());
+            }
+            let direction = Vec3::new(
+                vertical_rad.sin() * horizontal_rad.sin(),
+                vertical_rad.sin() * horizontal_rad.cos(),
+                vertical_rad.cos(),
+            );
+            old.reason(PolarRow {
                 time_s: ref_time_s,
                 slope_distance_m,
                 position_m: direction * slope_distance_m,
                 status: rpc_code,
-            }),
-        };
+            })
+        });
         if let Some(mut reason) = reason {
             for (name, code) in [("GeoCOM", geocom_code), ("RPC", rpc_code)] {
                 if !code.is_nan() {

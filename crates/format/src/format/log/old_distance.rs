@@ -10,6 +10,17 @@ const NOISE_M: f64 = 5.0 * std::f64::consts::SQRT_2 * 0.001;
 /// TMC_ANGLE_ACCURACY_GUARANTEE): a distance beside them is the last one.
 const ANGLES_ONLY: [f64; 3] = [1285.0, 1288.0, 1289.0];
 
+/// Why a row with this slope distance (metres) is not a measurement.
+pub(super) fn without_range(slope_distance_m: f64) -> Option<String> {
+    if slope_distance_m == 0.0 {
+        Some("zero range".to_owned())
+    } else if slope_distance_m < 0.0 {
+        Some(format!("a range of {slope_distance_m} m"))
+    } else {
+        None
+    }
+}
+
 /// A row of a total station, with the position of the prism relative to any point that does not move.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PolarRow {

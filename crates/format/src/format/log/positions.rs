@@ -7,7 +7,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::log::old_distance::{OldDistances, PolarRow};
+use crate::format::log::old_distance::{OldDistances, PolarRow, without_range};
 use crate::format::log::tables::{TableWriter, sigma};
 use crate::format::text::lines::header_names;
 use crate::format::text::table::{Columns, Table};
@@ -165,8 +165,10 @@ fn read_all(input: &Input, observations: &Observations) -> Result<Positions> {
         None if is_tps => read(input, &TPS, |row: &[f64; 8], _| {
             let position_m = Vec3::new(row[1], row[2], row[3]);
             let fix = PositionFix::with_sigma(row[0], position_m, None);
-            let fix = without_range(row[4], row[7]).map_or(Ok(fix), Err);
-            Ok(fix.and_then(|fix| fresh(fix, row[4], row[7], &mut old)))
+            Ok(match without_range(row[4]) {
+                Some(reason) => Err(with_status(reason, row[7])),
+                None => fresh(fix, row[4], row[7], &mut old),
+            })
         }),
         None if is_polar && !is_cartesian => Err(error(
             input.path(),
@@ -227,19 +229,6 @@ fn read<const N: usize>(
     Ok(positions)
 }
 
-/// The reason why a row with this slope distance (metres) is not a measurement.
-fn without_range(slope_distance_m: f64, status: f64) -> Option<String> {
-    if slope_distance_m > 0.0 {
-        return None;
-    }
-    let reason = if slope_distance_m == 0.0 {
-        "zero range".to_owned()
-    } else {
-        format!("a range of {slope_distance_m} m")
-    };
-    Some(with_status(reason, status))
-}
-
 fn with_status(reason: String, status: f64) -> String {
     if status.is_nan() {
         return reason;
@@ -276,8 +265,8 @@ fn polar(
     ]: [f64; 5],
     table: &Table,
 ) -> Result<std::result::Result<PositionFix, String>> {
-    if let Some(reason) = without_range(slope_distance_m, status) {
-        return Ok(Err(reason));
+    if let Some(reason) = without_range(slope_distance_m) {
+        return Ok(Err(with_status(reason, status)));
     }
     let (is_in_range, expected) = match instrument.vertical {
         VerticalAngle::Zenith => (
