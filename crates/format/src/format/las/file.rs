@@ -67,11 +67,13 @@ impl LasFile {
         if laz_chunks::check(input, file.header(), file.bytes)? {
             file = Self::with(input, las::LazParallelism::Yes)?;
         }
-        file.remarks.extend(Self::remark_on_week(input));
+        if file.has_adjusted_gps_time() {
+            file.remarks.extend(Self::remark_on_week(input));
+        }
         Ok(file)
     }
 
-    /// What to say if the first time is flagged as adjusted standard GPS time and looks like a time of the GPS week: as
+    /// What to say of a file with adjusted standard GPS time if its first time looks like a time of the GPS week: as
     /// such, it would be in the week of 2011-09-14.
     fn remark_on_week(input: &Input) -> Option<String> {
         const WEEK_S: f64 = 604_800.0;
@@ -82,8 +84,7 @@ impl LasFile {
             Ok(())
         })
         .ok()?;
-        let is_week = file.has_adjusted_gps_time() && (0.0..WEEK_S).contains(&first_s);
-        is_week.then(|| {
+        (0.0..WEEK_S).contains(&first_s).then(|| {
             format!(
                 "the header flags times as adjusted standard GPS times, of which {first_s} s is in September 2011: if \
                  they are seconds of the GPS week, correct bit 0 of its global encoding"
