@@ -76,6 +76,26 @@ fn constants_that_the_motion_determines_are_recovered() {
 }
 
 #[test]
+fn the_scale_of_the_gyroscope_is_recovered() {
+    let scale = Vec3::new(0.985, 1.012, 1.01);
+    for seed in 60..64 {
+        let (mut logs, _) = rover_drive(seed);
+        for sample in &mut logs.imu {
+            sample.gyro_rad_s.component_mul_assign(&scale);
+        }
+        logs.settings.estimate = vec![Constant::GyroScale];
+        let estimate = logs.estimate();
+        assert!(estimate.solution.converged, "{}", estimate.solution);
+        for (axis, truth) in ["x", "y", "z"].iter().zip(scale.iter()) {
+            let name = format!("imu.gyro_scale_factor.{axis}");
+            let (error, sigma) = normalised(&estimate, &name, *truth);
+            assert!(error.abs() < TENS_OF_DRAWS, "{name}: {error}");
+            assert!(sigma < 0.005, "{name}: {sigma}");
+        }
+    }
+}
+
+#[test]
 fn the_scale_of_the_imu_noise_is_recovered() {
     for scale in [1.0, 3.0] {
         let (mut logs, _) = rover_drive(70);

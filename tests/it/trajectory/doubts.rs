@@ -35,6 +35,10 @@ fn heading_offset(logs: &mut Logs, deg: f64) {
     logs.settings.heading.mounting_offset_rad += deg.to_radians();
 }
 
+fn gyro_scale(logs: &mut Logs, factor: f64) {
+    logs.imu.iter_mut().for_each(|s| s.gyro_rad_s *= factor);
+}
+
 type Mistake = (
     &'static str,
     fn(&mut Logs),
@@ -43,7 +47,7 @@ type Mistake = (
 );
 
 /// Each with the constants it concerns and the likely cause that is named.
-const MISTAKES: [Mistake; 13] = [
+const MISTAKES: [Mistake; 14] = [
     (
         "lever arm, signs of x and y",
         |logs| lever_arm(logs, |l| Vec3::new(-l.x, -l.y, l.z)),
@@ -111,6 +115,12 @@ const MISTAKES: [Mistake; 13] = [
         "",
     ),
     (
+        "gyroscope off by 1 %",
+        |logs| gyro_scale(logs, 1.01),
+        &["imu.gyro_scale_factor"],
+        "Divide the rates",
+    ),
+    (
         "prism late, heading offset",
         |logs| {
             prism_late(logs, 0.1);
@@ -131,11 +141,12 @@ const MISTAKES: [Mistake; 13] = [
 ];
 
 /// A mistake of each constant, and two at once.
-const ONE_PER_CONSTANT: [&str; 5] = [
+const ONE_PER_CONSTANT: [&str; 6] = [
     "lever arm, signs of x and y",
     "antennas exchanged",
     "prism clock fast by 0.2 %",
     "heading 500 ms late",
+    "gyroscope off by 1 %",
     "prism late, heading offset",
 ];
 

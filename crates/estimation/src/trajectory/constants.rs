@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::gyro_scale::GyroScale;
 use super::lasting::{Lasting, Modes};
 use super::logs::{ClockCorrection, Course, Stream, latency_of};
 use super::settings::{Constant, TrajectorySettings};
@@ -18,6 +19,8 @@ const PRIOR_INCIDENCE_M: f64 = 0.02;
 const PRIOR_STEP_M: f64 = 10.0;
 const PRIOR_OFFSET_RAD: f64 = 1.0;
 const PRIOR_GRAVITY_M_S2: f64 = 0.1;
+/// Datasheets of MEMS gyroscopes allow 1 to 3 %.
+const PRIOR_GYRO_SCALE: f64 = 0.02;
 
 /// Amplitudes of the error of a 360° prism: along the line of sight, across it and up, cos and sin
 /// of each, metres.
@@ -74,6 +77,8 @@ pub struct OffsetFrom {
 #[derive(Debug, Clone)]
 pub struct Constants {
     pub gravity_m_s2: Parameter<f64>,
+    /// Scale factor of the gyroscope.
+    pub gyro_scale: GyroScale,
     /// Correction of the mounting offset.
     pub heading_offset_rad: Parameter<f64>,
     /// One for each position sensor.
@@ -101,6 +106,7 @@ impl Constants {
         });
         let mut all = Self {
             gravity_m_s2: Parameter::held(settings.gravity_m_s2),
+            gyro_scale: GyroScale::none(),
             heading_offset_rad: Parameter::held(0.0),
             positions: positions.collect(),
             steps: Vec::new(),
@@ -266,6 +272,13 @@ impl Constants {
                 self.gravity_m_s2.estimate(&mut self.columns);
                 self.describe("frame.gravity".into(), "m/s²", base, PRIOR_GRAVITY_M_S2);
             }
+            Constant::GyroScale => {
+                self.gyro_scale.factor.estimate(&mut self.columns);
+                for axis in ["x", "y", "z"] {
+                    let name = format!("{}.{axis}", constant.name(&settings.positions));
+                    self.describe(name, "", 1.0, PRIOR_GYRO_SCALE);
+                }
+            }
             // Corrections of clocks, and a variance component, which is estimated from the residuals.
             Constant::TimeOffset(_)
             | Constant::TimeDrift(_)
@@ -309,6 +322,7 @@ impl Constants {
     /// corrections.
     pub fn resume(&mut self, before: &Self) {
         self.gravity_m_s2.value = before.gravity_m_s2.value;
+        self.gyro_scale.resume(&before.gyro_scale);
         self.heading_offset_rad.value = before.heading_offset_rad.value;
         for (sensor, before) in self.positions.iter_mut().zip(&before.positions) {
             sensor.lever_arm_m.value = before.lever_arm_m.value;
@@ -364,7 +378,11 @@ impl Constants {
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn Retract> {
-        let shared: [&dyn Retract; 2] = [&self.gravity_m_s2, &self.heading_offset_rad];
+        let shared: [&dyn Retract; 3] = [
+            &self.gravity_m_s2,
+            &self.gyro_scale.factor,
+            &self.heading_offset_rad,
+        ];
         let positions = self
             .positions
             .iter()
@@ -383,7 +401,11 @@ impl Constants {
     }
 
     fn all_mut(&mut self) -> impl Iterator<Item = &mut dyn Retract> {
-        let shared: [&mut dyn Retract; 2] = [&mut self.gravity_m_s2, &mut self.heading_offset_rad];
+        let shared: [&mut dyn Retract; 3] = [
+            &mut self.gravity_m_s2,
+            &mut self.gyro_scale.factor,
+            &mut self.heading_offset_rad,
+        ];
         let positions = self.positions.iter_mut().flat_map(|sensor| {
             [
                 &mut sensor.lever_arm_m as &mut dyn Retract,

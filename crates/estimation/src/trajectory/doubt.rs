@@ -7,13 +7,17 @@ use super::solution::{EstimatedConstant, Solution};
 use crate::geometry::heading::wrap;
 use std::ops::RangeInclusive;
 
-/// A constant is doubted where it is off by more than a careful survey leaves: metres, seconds, radians, m/s².
+/// A constant is doubted where it is off by more than a careful survey leaves, or the maker of a calibrated IMU: metres,
+/// seconds, radians, m/s², share.
 const LEAST_LEVER_ARM_M: f64 = 0.005;
 const LEAST_LATENCY_S: f64 = 0.003;
 const LEAST_OFFSET_RAD: f64 = 0.002;
 const LEAST_GRAVITY_M_S2: f64 = 0.02;
+const LEAST_GYRO_SCALE: f64 = 0.002;
 /// Gravity on the ground: 9.780 m/s² at the equator, 9.832 at the poles, and 0.003 less for each kilometre of height.
 const GRAVITY_M_S2: RangeInclusive<f64> = 9.76..=9.84;
+/// No gyroscope is off by more than a tenth.
+const GYRO_SCALE: RangeInclusive<f64> = 0.9..=1.1;
 /// A likely mistake matches what the drive finds to this many standard deviations, or to these metres and
 /// radians.
 const MATCH_SIGMAS: f64 = 4.0;
@@ -70,6 +74,7 @@ impl Doubt {
                 LEAST_LATENCY_S
             }
             Constant::HeadingOffset => LEAST_OFFSET_RAD,
+            Constant::GyroScale => LEAST_GYRO_SCALE,
             _ => LEAST_GRAVITY_M_S2,
         };
         let sigmas = |estimated: &EstimatedConstant| {
@@ -78,8 +83,10 @@ impl Doubt {
             sigma.map(|sigma| off / sigma)
         };
         let worst = values.iter().filter_map(sigmas).fold(0.0, f64::max);
-        let is_possible = |estimated: &EstimatedConstant| {
-            constant != Constant::Gravity || GRAVITY_M_S2.contains(&estimated.value)
+        let is_possible = |estimated: &EstimatedConstant| match constant {
+            Constant::Gravity => GRAVITY_M_S2.contains(&estimated.value),
+            Constant::GyroScale => GYRO_SCALE.contains(&estimated.value),
+            _ => true,
         };
         let is_contradicted =
             solution.converged && worst > Self::MAX_SIGMAS && values.iter().all(is_possible);
@@ -113,8 +120,15 @@ impl Doubt {
             _ => 4,
         };
         let with_sigma = |estimated: &EstimatedConstant| {
-            let sigma = estimated.sigma.unwrap_or(f64::NAN) * factor;
-            format!("{:.digits$} ± {sigma:.digits$}", estimated.value * factor)
+            let value = format!("{:.digits$}", estimated.value * factor);
+            match estimated.sigma {
+                Some(sigma) => format!("{value} ± {:.digits$}", sigma * factor),
+                None => format!("{value} (not determined)"),
+            }
+        };
+        let unit = match unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
         };
         let given =
             |estimated: &EstimatedConstant| format!("{:.digits$}", estimated.start * factor);
@@ -126,7 +140,7 @@ impl Doubt {
             format!(", or let it be estimated with trajectory.estimate = [\"{name}\"]")
         };
         format!(
-            "the drive contradicts `{name}`: it finds {} {unit} instead of {}, {:.0} standard \
+            "the drive contradicts `{name}`: it finds {}{unit} instead of {}, {:.0} standard \
              deviations off.{likely} {}{then}",
             list(&with_sigma),
             list(&given),
@@ -173,6 +187,10 @@ impl Doubt {
                 "Check it; [{table}] mounting_offset_deg = {:.2} fits",
                 value.to_degrees()
             ),
+            Constant::GyroScale => {
+                "Divide the rates about x, y and z by these, or have the gyroscope calibrated"
+                    .into()
+            }
             _ => format!("Check it; [{table}] gravity_m_s2 = {value:.4} fits"),
         }
     }

@@ -346,7 +346,7 @@ fn candidates(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<Const
     let offset = has_heading.then_some(Constant::HeadingOffset);
     let latency = has_heading.then_some(Constant::HeadingTimeOffset);
     let all = offset.into_iter().chain(of_positions).chain(latency);
-    let all = all.chain([Constant::Gravity]);
+    let all = all.chain([Constant::GyroScale, Constant::Gravity]);
     all.filter(|constant| !settings.estimate.contains(constant))
         .collect()
 }

@@ -3,6 +3,7 @@
 use super::gaps::{bridge, bridge_noise};
 use super::settings::ImuNoise;
 use crate::error::Result;
+use crate::geometry::Vec3;
 use crate::sensor::ImuSample;
 use std::ops::Deref;
 
@@ -54,6 +55,13 @@ impl ImuSeries {
     pub fn push(&mut self, sample: ImuSample, bridged: bool) {
         self.samples.push(sample);
         self.bridged.push(bridged);
+    }
+
+    /// Divides the rates about each axis by a factor.
+    pub fn divide_rates(&mut self, factor: &Vec3) {
+        for sample in &mut self.samples {
+            sample.gyro_rad_s.component_div_assign(factor);
+        }
     }
 
     /// Sets the noise of the samples that bridge gaps.
@@ -134,7 +142,6 @@ impl Deref for ImuSeries {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Vec3;
 
     #[test]
     fn pieces_are_the_samples_cut_at_both_ends() {

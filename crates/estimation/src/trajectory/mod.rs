@@ -16,6 +16,7 @@ mod estimate;
 pub(crate) mod factors;
 mod gaps;
 pub(crate) mod graph;
+mod gyro_scale;
 mod imu_noise;
 pub(crate) mod imu_series;
 pub(crate) mod initial;

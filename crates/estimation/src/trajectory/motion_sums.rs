@@ -3,7 +3,7 @@
 
 use super::imu_series::Piece;
 use super::states::NodeState;
-use crate::geometry::so3::{exp, hat, right_jacobian};
+use crate::geometry::so3::{exp, hat, log, right_jacobian};
 use crate::geometry::{Mat3, Rotation, Vec3, WorldFromBody};
 use crate::sensor::ImuBias;
 
@@ -185,6 +185,11 @@ impl MotionSums {
     /// The 3 × 3 block of [`MotionSums::by_bias`] at these rows and columns.
     pub fn bias_block(&self, row: usize, column: usize) -> Mat3 {
         self.by_bias.fixed_view::<3, 3>(row, column).into_owned()
+    }
+
+    /// The mean rate that was summed, with the bias in it, rad/s: to second order of the turn, Log(ΔR)/Δt + b.
+    pub fn mean_rate_rad_s(&self) -> Vec3 {
+        log(&self.rotation) / self.duration_s + self.bias.gyro_rad_s
     }
 
     /// J δb, the rotation vector that corrects the rotation to a bias.

@@ -190,6 +190,7 @@ impl Recovery<'_> {
         let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
         let factor = &graph.imu[step];
         let closing = factor.rows(&state.constants, (from, to), bias, graph.imu_scale);
+        let bias = &factor.bias(&state.constants, bias);
         let whitener = Mat9::from_fn(|a, b| factor.whitener[a][b] / graph.imu_scale);
         let gravity = Vec3::new(0.0, 0.0, -state.constants.gravity_m_s2.value);
         let start = &from.world_from_body;

@@ -138,6 +138,8 @@ pub enum Constant {
     HeadingTimeOffset,
     /// `frame.gravity`, m/s².
     Gravity,
+    /// `imu.gyro_scale_factor`, three values: by how many times the true rates about the body's axes the gyroscope reads.
+    GyroScale,
     /// `imu.noise_scale`, the factor of the datasheet's white noise, one for gyro and
     /// accelerometer together.
     ImuNoiseScale,
@@ -161,6 +163,7 @@ impl Constant {
             Self::HeadingOffset => "heading.mounting_offset".into(),
             Self::HeadingTimeOffset => "heading.time_offset".into(),
             Self::Gravity => "frame.gravity".into(),
+            Self::GyroScale => "imu.gyro_scale_factor".into(),
             Self::ImuNoiseScale => "imu.noise_scale".into(),
         }
     }

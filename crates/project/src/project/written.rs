@@ -248,7 +248,7 @@ pub struct Trajectory {
     /// Without `file`: `"auto"`, the constants that the drive contradicts, each of which is reported; or a list of
     /// `<prism or gnss>.time_offset`, `<prism or gnss>.time_drift`, `<prism or gnss>.lever_arm`,
     /// `<prism>.incidence_bias` (needs `station_m`), `heading.mounting_offset`, `heading.time_offset`, `frame.gravity`,
-    /// `imu.noise_scale`; `[]` for none.
+    /// `imu.gyro_scale_factor`, `imu.noise_scale`; `[]` for none.
     pub estimate: Option<toml::Value>,
     /// Without `file`: whether the velocity is held at zero while the logs show rest.
     pub zero_velocity: Option<bool>,

@@ -18,11 +18,12 @@ const CARE_NOISE: f64 = 3.0;
 const CARE_OUTAGE_M: f64 = 0.01;
 /// A sensor needs attention if at least this share of its records is not used.
 const CARE_IGNORED: f64 = 0.2;
-/// A constant whose error exceeds this is a fault: metres, seconds, radians, m/s².
+/// A constant whose error exceeds this is a fault: metres, seconds, radians, m/s², share.
 const FAULT_LEVER_ARM_M: f64 = 0.05;
 const FAULT_LATENCY_S: f64 = 0.03;
 const FAULT_OFFSET_RAD: f64 = 0.02;
 const FAULT_GRAVITY_M_S2: f64 = 0.1;
+const FAULT_GYRO_SCALE: f64 = 0.02;
 
 /// The verdict on a constant of the project that the drive contradicts.
 pub fn doubt(doubt: &Doubt) -> Verdict {
@@ -32,6 +33,7 @@ pub fn doubt(doubt: &Doubt) -> Verdict {
             FAULT_LATENCY_S
         }
         Constant::HeadingOffset => FAULT_OFFSET_RAD,
+        Constant::GyroScale => FAULT_GYRO_SCALE,
         _ => FAULT_GRAVITY_M_S2,
     };
     let severity = if doubt.off() > fault && !doubt.is_used {

@@ -69,8 +69,7 @@ impl Quantity {
 impl HeadingFactor {
     fn propagated(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> Propagated {
         let late_s = constants.late_s(&self.clocks);
-        let gravity = constants.gravity_m_s2.value;
-        self.propagation.propagate(gravity, node, bias, late_s)
+        self.propagation.propagate(constants, node, bias, late_s)
     }
 
     fn residual_at(&self, constants: &Constants, at: &Propagated) -> f64 {
@@ -108,9 +107,7 @@ impl HeadingFactor {
         let weight = 1.0 / sigma_rad;
         let direction = self.quantity.direction();
         let gradient = self.quantity.gradient(&at.world_from_body.rotation);
-        let (by_attitude, by_gyro) = self
-            .propagation
-            .turned_jacobian(&at, node, bias, &direction);
+        let (by_attitude, by_gyro) = self.propagation.turned_jacobian(&at, node, &direction);
         let attitude = by_attitude.transpose() * gradient;
         let gyro = by_gyro.transpose() * gradient;
         let mut by_step = [[0.0; STEP]; 1];
@@ -120,6 +117,8 @@ impl HeadingFactor {
         }
         let residual = self.residual_at(constants, &at) / sigma_rad;
         let mut rows = FactorRows::new([residual], by_step);
+        let scale_factor = &constants.gyro_scale;
+        scale_factor.touch(|| self.propagation.mean_rate_rad_s(), &mut rows);
         let by_time = gradient.dot(&at.turning(&direction)) * weight;
         for late in &self.clocks {
             if let Some(block) = constants.clock(late.clock).block() {

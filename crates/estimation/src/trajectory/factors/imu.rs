@@ -50,6 +50,13 @@ impl ImuFactor {
         )
     }
 
+    /// The bias that acts in the step, with what is left of the gyroscope's scale factor.
+    pub fn bias(&self, constants: &Constants, bias: &ImuBias) -> ImuBias {
+        constants
+            .gyro_scale
+            .bias_at(|| self.sums.mean_rate_rad_s(), bias)
+    }
+
     /// (r_φ, r_p, r_v), rad, m, m/s.
     pub fn residual(
         &self,
@@ -57,7 +64,7 @@ impl ImuFactor {
         (from, to): (&NodeState, &NodeState),
         bias: &ImuBias,
     ) -> [Vec3; 3] {
-        let sums = self.sums.corrected(bias);
+        let sums = self.sums.corrected(&self.bias(constants, bias));
         let (dp, dv) = self.motion(constants.gravity_m_s2.value, from, to);
         let turned = from.world_from_body.rotation.inverse() * to.world_from_body.rotation;
         [
@@ -104,7 +111,7 @@ impl ImuFactor {
         let back = matrix(&world_from_body.inverse());
         let turned = matrix(&(to.world_from_body.rotation.inverse() * world_from_body));
         let inverse = right_jacobian_inverse(&residual[0]);
-        let turn = self.sums.turn(bias);
+        let turn = self.sums.turn(&self.bias(constants, bias));
         let gyro = -inverse
             * matrix(&exp(&-residual[0]))
             * right_jacobian(&turn)
@@ -147,6 +154,8 @@ impl ImuFactor {
                 }
             }
         }
+        let scale_factor = &constants.gyro_scale;
+        scale_factor.touch(|| self.sums.mean_rate_rad_s(), &mut rows);
         if let Some(gravity) = constants.gravity_m_s2.block() {
             let by = self.whiten(&self.gravity_jacobian(nodes.0));
             rows.touch(gravity, [by.map(|x| x / scale)]);

@@ -68,8 +68,7 @@ impl PositionSensor {
 impl PositionFactor {
     fn propagated(&self, constants: &Constants, node: &NodeState, bias: &ImuBias) -> Propagated {
         let late_s = constants.late_s(&self.clocks);
-        let gravity = constants.gravity_m_s2.value;
-        self.propagation.propagate(gravity, node, bias, late_s)
+        self.propagation.propagate(constants, node, bias, late_s)
     }
 
     fn residual_at(&self, sensor: &PositionSensor, constants: &Constants, at: &Propagated) -> Vec3 {
@@ -127,11 +126,13 @@ impl PositionFactor {
         let at = self.propagated(constants, node, bias);
         let sensor_constants = &constants.positions[self.sensor];
         let arm = sensor_constants.lever_arm_m.value;
-        let raw = self.propagation.position_jacobian(&at, node, bias, &arm);
+        let raw = self.propagation.position_jacobian(&at, node, &arm);
         let w = self.whitener_with(constants);
         let residual = w * self.residual_at(sensor, constants, &at);
         let mut rows = FactorRows::new(residual.into(), whitened(&w, &raw));
         let column = |by: Vec3| -> [f64; 3] { (w * by).into() };
+        let scale_factor = &constants.gyro_scale;
+        scale_factor.touch(|| self.propagation.mean_rate_rad_s(), &mut rows);
         if !self.clocks.is_empty() {
             let by_time = at.velocity_m_s + at.turning(&arm);
             for late in &self.clocks {

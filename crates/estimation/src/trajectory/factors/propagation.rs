@@ -5,13 +5,14 @@ use crate::adjustment::STEP;
 use crate::geometry::so3::{exp, hat, right_jacobian};
 use crate::geometry::{Mat3, Rotation, Vec3, WorldFromBody};
 use crate::sensor::{ImuBias, ImuSample};
+use crate::trajectory::constants::Constants;
 use crate::trajectory::motion_sums::{Corrected, MotionSums};
 use crate::trajectory::states::{ACCEL, ATTITUDE, GYRO, NodeState, POSITION, VELOCITY};
 
 /// The motion from a node to a record as the IMU measures it, continued by the small time δ by which
 /// the clock of the record's sensor is estimated to be late:
 /// R(t) = R ΔR Exp(ω δ), v(t) = v + g T + R Δv + a δ, p(t) = p + v T + ½ g T² + R Δp + v(T) δ + ½ a δ²
-/// with ω = gyro − b_g and a = R ΔR (f − b_a) + g.
+/// with ω = gyro − b_g and a = R ΔR (f − b_a) + g, where b_g holds what is left of the gyroscope's scale factor.
 #[derive(Debug, Clone)]
 pub struct Propagation {
     /// From the node to the record; `None` where they coincide.
@@ -31,6 +32,8 @@ pub(super) struct Propagated {
     turn: Rotation,
     /// The same without δ.
     turn_before: Rotation,
+    /// The bias that acts.
+    bias: ImuBias,
     sums: Corrected,
     duration_s: f64,
     late_s: f64,
@@ -38,15 +41,24 @@ pub(super) struct Propagated {
 }
 
 impl Propagation {
+    /// The mean rate from the node to the record, as the gyroscope reads it, rad/s.
+    pub(super) fn mean_rate_rad_s(&self) -> Vec3 {
+        let sums = self.sums.as_ref();
+        sums.map_or(self.sample.gyro_rad_s, |sums| sums.mean_rate_rad_s())
+    }
+
     /// The body at the record.
     pub(super) fn propagate(
         &self,
-        gravity_m_s2: f64,
+        constants: &Constants,
         node: &NodeState,
         bias: &ImuBias,
         late_s: f64,
     ) -> Propagated {
-        let gravity = Vec3::new(0.0, 0.0, -gravity_m_s2);
+        let gravity = Vec3::new(0.0, 0.0, -constants.gravity_m_s2.value);
+        let bias = &constants
+            .gyro_scale
+            .bias_at(|| self.mean_rate_rad_s(), bias);
         let start = &node.world_from_body;
         let (sums, duration_s) = match &self.sums {
             Some(sums) => (sums.corrected(bias), sums.duration_s),
@@ -70,6 +82,7 @@ impl Propagation {
             rate_rad_s,
             turn,
             turn_before: sums.rotation,
+            bias: *bias,
             sums,
             duration_s,
             late_s,
@@ -82,7 +95,6 @@ impl Propagation {
         &self,
         at: &Propagated,
         node: &NodeState,
-        bias: &ImuBias,
         x: &Vec3,
     ) -> (Mat3, Mat3) {
         let r = matrix(&node.world_from_body.rotation);
@@ -91,7 +103,7 @@ impl Propagation {
         let mut gyro = matrix(&at.turn) * hat(x) * right_jacobian(&theta) * at.late_s;
         if let Some(sums) = &self.sums {
             let before = matrix(&at.turn_before) * hat(&(late * x));
-            gyro -= before * right_jacobian(&sums.turn(bias)) * sums.bias_block(0, 0);
+            gyro -= before * right_jacobian(&sums.turn(&at.bias)) * sums.bias_block(0, 0);
         }
         (-r * hat(&(at.turn * x)), r * gyro)
     }
@@ -101,19 +113,18 @@ impl Propagation {
         &self,
         at: &Propagated,
         node: &NodeState,
-        bias: &ImuBias,
         lever_arm_m: &Vec3,
     ) -> Jacobian<3> {
         let r = matrix(&node.world_from_body.rotation);
         let (late, half) = (at.late_s, 0.5 * at.late_s * at.late_s);
-        let (mut attitude, mut gyro) = self.turned_jacobian(at, node, bias, lever_arm_m);
+        let (mut attitude, mut gyro) = self.turned_jacobian(at, node, lever_arm_m);
         let moved = at.sums.position_m
             + at.sums.velocity_m_s * late
             + at.turn_before * at.force_m_s2 * half;
         attitude -= r * hat(&moved);
         let mut accel = matrix(&at.turn_before) * -half;
         if let Some(sums) = &self.sums {
-            let by_turn = hat(&at.force_m_s2) * right_jacobian(&sums.turn(bias));
+            let by_turn = hat(&at.force_m_s2) * right_jacobian(&sums.turn(&at.bias));
             gyro += r
                 * (sums.bias_block(3, 0) + sums.bias_block(6, 0) * late
                     - matrix(&at.turn_before) * by_turn * sums.bias_block(0, 0) * half);

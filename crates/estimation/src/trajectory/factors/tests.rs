@@ -115,7 +115,7 @@ fn imu_jacobian_meets_finite_differences() {
     });
 }
 
-/// A lever arm, an incidence bias, a heading offset, gravity and a latency of all records are
+/// A lever arm, an incidence bias, a heading offset, gravity, the scale of the gyroscope and a latency of all records are
 /// estimated, at values that are not zero.
 fn constants() -> Constants {
     let arm = PositionSettings::prism(0.005, Vec3::new(0.3, -0.2, 1.5));
@@ -128,6 +128,7 @@ fn constants() -> Constants {
         Constant::IncidenceBias(0),
         Constant::HeadingOffset,
         Constant::Gravity,
+        Constant::GyroScale,
     ];
     let drift = Course::Linear {
         from_s: -5.0,
@@ -139,10 +140,11 @@ fn constants() -> Constants {
         ClockCorrection::none(Stream::Position(0), drift),
     ];
     let constants = Constants::new(&settings, &corrections);
-    assert_eq!(constants.count(), 14);
+    assert_eq!(constants.count(), 17);
     // The incidence bias stays zero: the rows neglect that it turns with the attitude.
     let step = [
-        0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.013, 0.011, 0.007,
+        0.01, -0.02, 0.03, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.05, 0.01, -0.02, 0.015, 0.013,
+        0.011, 0.007,
     ];
     constants.retracted(&step)
 }
@@ -207,7 +209,9 @@ fn position_jacobians_meet_finite_differences() {
         let rows = fix.rows(&sensor, &constants, &state(0.0), &bias());
         assert_eq!(
             touched(&rows),
-            [11, 13, 0, 1, 2, 14, 15, 16, 3, 4, 5, 6, 7, 8, 10]
+            [
+                11, 12, 13, 14, 16, 0, 1, 2, 17, 18, 19, 3, 4, 5, 6, 7, 8, 10
+            ]
         );
         check::<3>(&rows.by_step, |from, _, bias| {
             fix.whitened(&sensor, &constants, from, bias)
@@ -225,8 +229,8 @@ fn heading_and_pitch_jacobians_meet_finite_differences() {
     let baseline = Vec3::new(0.8, 0.6, 0.0);
     for propagation in propagations() {
         for (quantity, columns) in [
-            (Quantity::Heading, vec![12, 9, 14]),
-            (Quantity::Pitch(baseline), vec![12]),
+            (Quantity::Heading, vec![11, 12, 13, 15, 9, 17]),
+            (Quantity::Pitch(baseline), vec![11, 12, 13, 15]),
         ] {
             let fix = HeadingFactor {
                 propagation: propagation.clone(),
@@ -294,11 +298,15 @@ fn rows_are_whitened() {
 }
 
 #[test]
-fn gravity_moves_the_imu_residual_as_its_jacobian_states() {
+fn gravity_and_scale_move_the_imu_residual_as_their_jacobians_state() {
     let (factor, constants) = (imu(), constants());
     let (from, to, bias) = (state(0.0), state(0.1), bias());
     let flat = |r: [Vec3; 3]| std::array::from_fn::<f64, 9, _>(|i| r[i / 3][i % 3]);
-    let mut rows = FactorRows::new([0.0; 9], [[0.0; STEP]; 9]);
+    let residual = factor.residual(&constants, (&from, &to), &bias);
+    let by_step = factor.jacobian(&constants, (&from, &to), &bias, &residual);
+    let mut rows = FactorRows::new(flat(residual), by_step);
+    let mean_rate_rad_s = factor.sums.mean_rate_rad_s();
+    constants.gyro_scale.touch(|| mean_rate_rad_s, &mut rows);
     let block = constants.gravity_m_s2.block().expect("estimated");
     rows.touch(block, [flat(factor.gravity_jacobian(&from))]);
     check_constants(&rows, &constants, |constants| {

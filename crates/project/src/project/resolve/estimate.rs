@@ -92,6 +92,7 @@ fn all_constants(positions: &[PositionSettings]) -> Vec<Constant> {
         Constant::HeadingOffset,
         Constant::HeadingTimeOffset,
         Constant::Gravity,
+        Constant::GyroScale,
         Constant::ImuNoiseScale,
     ]);
     all

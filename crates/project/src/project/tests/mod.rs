@@ -165,7 +165,7 @@ loss = "none"
 nodes = "imu"
 zero_velocity = false
 estimate = ["front.incidence_bias", "rear.time_offset", "gnss.lever_arm", "heading.mounting_offset",
-    "heading.time_offset", "frame.gravity", "imu.noise_scale"]
+    "heading.time_offset", "frame.gravity", "imu.gyro_scale_factor", "imu.noise_scale"]
 max_sigma_position_m = 0.02
 max_sigma_rotation_deg = 0.3
 "#;
@@ -270,6 +270,7 @@ fn several_position_sensors_are_understood() {
             Constant::HeadingOffset,
             Constant::HeadingTimeOffset,
             Constant::Gravity,
+            Constant::GyroScale,
             Constant::ImuNoiseScale
         ]
     );
