@@ -2,7 +2,8 @@
 //!
 //! Everything is written to a hidden folder beside its destination, flushed to disk and then
 //! renamed into place, file by file. If the process is killed in between, every file is either the
-//! old or the new one, never a partial one; the next run removes what was left behind.
+//! old or the new one, never a partial one; the next run removes what was left behind. A file that cannot be renamed does
+//! not keep back the others.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -103,31 +104,46 @@ impl Staging {
     ///
     /// # Errors
     /// If a file would overwrite an input, nothing is renamed. If a file cannot be flushed or
-    /// renamed, those already renamed are complete.
+    /// renamed, all others are, and the first error is returned.
     pub fn commit(self) -> Result<()> {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
         protect_inputs(&self.dir, &self.inputs, &names)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
-        for name in &names {
-            let staged = self.folder.join(name);
-            File::open(&staged)
-                .and_then(|file| file.sync_all())
-                .map_err(|e| Error::io(&staged, e))?;
-        }
+        let mut outcome = Ok(());
+        let mut ready = Vec::new();
         let mut folders = BTreeSet::new();
         for name in &names {
-            let target = self.dir.join(name);
-            let parent = target.parent().unwrap_or(&self.dir);
-            fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
-            folders.insert(parent.to_owned());
+            match self.prepare(name) {
+                Ok(folder) => {
+                    folders.insert(folder);
+                    ready.push(name);
+                }
+                Err(error) => outcome = outcome.and(Err(error)),
+            }
         }
         // The renames follow each other directly: a kill in between is unlikely.
-        for name in &names {
+        for name in ready {
             let target = self.dir.join(name);
-            fs::rename(self.folder.join(name), &target).map_err(|e| Error::io(&target, e))?;
+            let renamed = fs::rename(self.folder.join(name), &target);
+            outcome = outcome.and(renamed.map_err(|e| Error::io(&target, e)));
         }
-        folders.iter().try_for_each(|folder| sync_folder(folder))
+        for folder in &folders {
+            outcome = outcome.and(sync_folder(folder));
+        }
+        outcome
+    }
+
+    /// Flushes a staged file and creates the folder of its destination, which is returned.
+    fn prepare(&self, name: &Path) -> Result<PathBuf> {
+        let staged = self.folder.join(name);
+        File::open(&staged)
+            .and_then(|file| file.sync_all())
+            .map_err(|e| Error::io(&staged, e))?;
+        let target = self.dir.join(name);
+        let parent = target.parent().unwrap_or(&self.dir);
+        fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+        Ok(parent.to_owned())
     }
 }
 
@@ -288,6 +304,28 @@ mod tests {
         drop(second);
         living.commit().unwrap();
         assert_eq!(names(dir.path()), ["kept"]);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_renamed_does_not_keep_back_the_others() {
+        let dir = tempfile::tempdir().unwrap();
+        // A folder and a file stand where a file and a folder shall be.
+        fs::create_dir_all(dir.path().join("b.csv/of the user")).unwrap();
+        fs::write(dir.path().join("c"), "of the user").unwrap();
+        let staging = Staging::new(dir.path(), &[], &["a.csv"]).unwrap();
+        for name in ["a.csv", "b.csv", "c/c.csv", "d/d.csv", "result.json"] {
+            fs::write(staging.path(name), "result").unwrap();
+        }
+        let error = staging.commit().unwrap_err().to_string();
+        let c = dir.path().join("c").display().to_string();
+        assert!(error.starts_with(&c), "{error}");
+        assert_eq!(
+            names(dir.path()),
+            ["a.csv", "b.csv", "c", "d", "result.json"]
+        );
+        assert_eq!(names(&dir.path().join("d")), ["d.csv"]);
+        assert_eq!(fs::read(dir.path().join("c")).unwrap(), b"of the user");
+        assert_eq!(names(&dir.path().join("b.csv")), ["of the user"]);
     }
 
     #[test]
