@@ -2,42 +2,35 @@
 
 use std::path::PathBuf;
 
-use super::calibrated::{self, Calibrated};
+use super::calibrated::{self, BeforeScans, Calibrated};
 use super::calibration_drive::CalibrationDrive;
 use super::clouds::Mounted;
+use super::drives::DriveAndScene;
 use super::findings::{Extras, Findings, KeptStages};
 use super::finished::Finished;
 use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::{Key, Keys};
+use super::origin::with_origin;
 use super::outcome::Options;
-use super::stages::EstimatedPoses;
-use super::{clouds, drives, kept_page, page, result, stages};
+use super::stages::{EstimatedPoses, Poses};
+use super::{clouds, drives, stages, unfinished, write};
 use crate::calibration::{Calibration, CalibrationSettings, Method, Variant};
+use crate::comparison::Agreements;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::project::Project;
-use crate::report::{self, csv};
-
-/// Results other than the clouds.
-const RESULTS: [&str; 7] = [
-    "trajectory.csv",
-    "mounting.csv",
-    "calibration.toml",
-    "project.toml",
-    "report.html",
-    kept_page::NAME,
-    "result.json",
-];
+use crate::results::Drive;
 
 /// Iterations per scale: the paper reports 50 to 450.
 const PAPER_ITERATIONS: usize = 450;
 
-/// Runs all stages on the project and writes all results, or none, into the folder `out` of the options. Stages that an
-/// earlier run with this folder finished from the same inputs are not run again, unless the options ask for it.
+/// Runs all stages on the project and writes all results into the folder `out` of the options. Stages that an earlier run
+/// with this folder finished from the same inputs are not run again, unless the options ask for it.
 ///
 /// # Errors
-/// The first error of any stage; the folder then keeps its previous content.
+/// The first error of any stage. The results of the stages before it are then in the folder, unless there are none or the
+/// run was cancelled.
 pub fn analyse(
     project: &Project,
     options: &Options,
@@ -45,62 +38,131 @@ pub fn analyse(
     progress: &dyn Progress,
 ) -> Result<Findings> {
     project.check_files()?;
-    let names: Vec<String> = RESULTS.map(str::to_owned).into();
     let cloud_names = clouds::names(project);
-    let names = [names.as_slice(), &cloud_names].concat();
+    let names = [&write::RESULTS.map(str::to_owned)[..], &cloud_names].concat();
     let inputs = project.inputs();
     let job = Job::new(&options.out, &inputs, &names, progress)?;
     let inputs = Inputs::read(inputs, progress)?;
-    let keys = Keys::new(project, &inputs)?;
+    let project = &with_origin(project, progress);
     let files = inputs.files();
+    let run = Run {
+        project,
+        extras,
+        keys: Keys::new(project, &inputs)?,
+        cloud_names,
+    };
     let finished = Finished::beside(&options.out, inputs, options.fresh);
     let mut job = job.with_finished(finished);
-    let mut calibration_drive = CalibrationDrive::new(project);
+    let mut drive = CalibrationDrive::new(project);
+    let results = unfinished::Results {
+        out: &options.out,
+        names: &names,
+        progress,
+    };
 
-    let (poses, mut calibrated) = Calibrated::run(project, &calibration_drive, &keys, &mut job)?;
-    let variants = calibrate_variants(&calibrated, extras, &calibration_drive, &keys, &mut job)?;
-    calibrated.variants.extend(variants);
-    calibration_drive.drop_poses_and_samples();
-    let rig = calibrated.resulting_rig();
-    let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
-    let mounted = Mounted {
-        rig: &rig,
-        bending: &adjusted.bending,
+    let before = calibrated::before_scans(&drive, &run.keys, &mut job)?;
+    let calibrated = Calibrated::run(project, &drive, &before, &run.keys, &mut job);
+    let mut calibrated = match calibrated {
+        Ok(calibrated) => calibrated,
+        Err(error) => {
+            let drive = run.without_clouds(before.poses);
+            return Err(results.of_trajectory(project, extras, &drive, error, job));
+        }
     };
-    let mut samples = None;
-    let cloud_paths: Vec<PathBuf> = cloud_names.iter().map(|name| job.path(name)).collect();
-    job.once_writing("georeference", &cloud_names, &keys.joint, |progress| {
-        let open = clouds::into_files(&cloud_paths, project.origin_m);
-        let trajectory = &adjusted.trajectory;
-        samples = Some(clouds::stream(
-            project,
-            trajectory,
-            mounted,
-            Some(&*open),
-            progress,
-        )?);
-        Ok(())
-    })?;
-    let mountings = calibrated.mountings(extras.truth.as_ref());
-    let compared = drives::Compared {
-        project,
-        rig: &rig,
-        mountings: &mountings,
-        calibration: &calibrated.result,
-        keys: &keys,
-    };
-    let drives = compared.all(poses, adjusted, samples, &calibration_drive, &mut job)?;
+    let mut drives = Vec::new();
+    let ended = run.place_and_compare(&before, &mut calibrated, &mut drive, &mut drives, &mut job);
+    if matches!(ended, Err(Error::Cancelled)) {
+        return Err(Error::Cancelled);
+    }
+    if drives.is_empty() {
+        let adjusted = calibrated.adjusted_poses(&before.poses);
+        let poses = adjusted.unwrap_or(before.poses);
+        drives.push((run.without_clouds(poses), None));
+    }
     let (drives, scenes): (Vec<_>, Vec<_>) = drives.into_iter().unzip();
+    let mountings = calibrated.mountings(extras.truth.as_ref());
     let mut findings = calibrated.findings(mountings, drives, &mut job);
     findings.scenes = scenes;
     findings.files = files;
-    write(project, &findings, extras, &job)?;
-    findings.kept_stages = job.commit()?.map(|finished| KeptStages {
-        folder: finished.folder().to_owned(),
-        bytes: finished.bytes(),
-        reused: finished.reused().to_vec(),
-    });
-    Ok(findings)
+    if let Err(error) = &ended {
+        findings.end_early(error);
+    }
+    let written = write::all(project, &findings, extras, &ended, &job);
+    if let Err(error) = ended.and(written) {
+        return Err(results.of_calibration(&findings, error, job));
+    }
+    match job.commit() {
+        Ok(finished) => {
+            findings.kept_stages = finished.map(|finished| KeptStages {
+                folder: finished.folder().to_owned(),
+                bytes: finished.bytes(),
+                reused: finished.reused().to_vec(),
+            });
+            Ok(findings)
+        }
+        Err(error) => Err(unfinished::shown(&findings, error, progress)),
+    }
+}
+
+/// What all stages of a run need.
+struct Run<'a> {
+    project: &'a Project,
+    extras: &'a Extras,
+    keys: Keys,
+    cloud_names: Vec<String>,
+}
+
+impl Run<'_> {
+    /// Runs the stages after the calibration: the calibrations for comparison, which are added to `calibrated`, the
+    /// clouds, and the comparisons, which are added to `drives`.
+    fn place_and_compare(
+        &self,
+        before: &BeforeScans,
+        calibrated: &mut Calibrated<'_>,
+        drive: &mut CalibrationDrive<'_>,
+        drives: &mut Vec<DriveAndScene>,
+        job: &mut Job<'_>,
+    ) -> Result<()> {
+        let (project, keys) = (self.project, &self.keys);
+        let variants = calibrate_variants(calibrated, self.extras, drive, keys, job)?;
+        calibrated.variants.extend(variants);
+        drive.drop_poses_and_samples();
+        let rig = calibrated.resulting_rig();
+        let adjusted = drives::Adjusted::new(project, &before.poses, calibrated.accepted())?;
+        let mounted = Mounted {
+            rig: &rig,
+            bending: &adjusted.bending,
+        };
+        let mut samples = None;
+        let paths: Vec<PathBuf> = self.cloud_names.iter().map(|name| job.path(name)).collect();
+        let placed = job.once_writing("georeference", &self.cloud_names, &keys.joint, |progress| {
+            let trajectory = &adjusted.trajectory;
+            let open = clouds::into_files(&paths, project, trajectory);
+            let open = Some(&*open);
+            samples = Some(clouds::stream(
+                project, trajectory, mounted, open, progress,
+            )?);
+            Ok(())
+        });
+        if placed.is_err() {
+            // Clouds may be cut off, and take the space that the other results need on a full disk.
+            self.cloud_names.iter().for_each(|name| job.discard(name));
+        }
+        placed?;
+        let compared = drives::Compared {
+            project,
+            rig: &rig,
+            mountings: &calibrated.mountings(self.extras.truth.as_ref()),
+            calibration: &calibrated.result,
+            keys,
+        };
+        compared.all(before.poses.clone(), adjusted, samples, drive, drives, job)
+    }
+
+    /// The calibration drive with poses whose clouds were not compared.
+    fn without_clouds(&self, poses: Poses) -> Drive {
+        drives::drive(&drives::name_of(self.project), poses, Agreements::default())
+    }
 }
 
 /// Calibrates the same drive under the other conditions: without the reference, with the true poses and by the paper's
@@ -163,29 +225,4 @@ fn calibrate_variants(
         variants.push((Variant::Paper, calibration?));
     }
     Ok(variants)
-}
-
-/// Writes all results except the clouds, which are already staged.
-fn write(project: &Project, findings: &Findings, extras: &Extras, job: &Job<'_>) -> Result<()> {
-    if let Some(drive) = findings.drives.first() {
-        let path = job.path("trajectory.csv");
-        stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
-    }
-    calibrated::write(project, findings, job)?;
-    let scales = &findings.rig.voxel_sizes_m;
-    job.write("project.toml", &project.to_toml_with_scales(scales)?)?;
-    let mut content = page::content(project, findings, extras)?;
-    for file in &csv::FILES {
-        let text = file.text(&content);
-        if !text.is_empty() {
-            job.write(&format!("{}/{}", csv::FOLDER, file.name), &text)?;
-            content.csv.push(file.name.to_owned());
-        }
-    }
-    job.write("report.html", &report::render(&content))?;
-    let path = job.path(kept_page::NAME);
-    let bytes = kept_page::bytes_of(&content, &project.path)?;
-    std::fs::write(&path, bytes).map_err(|error| Error::io(&path, error))?;
-    let document = result::document(findings);
-    job.write("result.json", &format!("{document:#}\n"))
 }

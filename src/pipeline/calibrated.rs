@@ -19,6 +19,35 @@ use crate::project::{Project, Scanner};
 use crate::results::{Calibrations, Drive};
 use crate::verdict::Severity;
 
+/// The results of the stages that need no scans.
+pub struct BeforeScans {
+    /// The reference, thinned for drawing.
+    pub background_m: Vec<Vec3>,
+    /// The poses before the joint adjustment.
+    pub poses: stages::Poses,
+}
+
+/// Runs the stages that need no scans on the calibration drive.
+///
+/// # Errors
+/// The first error of a stage.
+pub fn before_scans(
+    drive: &CalibrationDrive<'_>,
+    keys: &Keys,
+    job: &mut Job<'_>,
+) -> Result<BeforeScans> {
+    let background_m = job.once("reference", &keys.reference, |progress| {
+        Ok(thinned_for_drawing(drive.reference(progress)?))
+    })?;
+    let poses = job.once("trajectory", &keys.poses, |progress| {
+        Ok(drive.poses(progress)?.poses.clone())
+    })?;
+    Ok(BeforeScans {
+        background_m,
+        poses,
+    })
+}
+
 /// The results of the stages.
 pub struct Calibrated<'a> {
     /// The project.
@@ -38,22 +67,20 @@ pub struct Calibrated<'a> {
 }
 
 impl<'a> Calibrated<'a> {
-    /// Runs the stages on the calibration drive; also returns its poses before the joint adjustment.
+    /// Runs the stages on the calibration drive, after [`before_scans`].
     ///
     /// # Errors
     /// The first error of any stage.
     pub fn run(
         project: &'a Project,
         drive: &CalibrationDrive<'_>,
+        BeforeScans {
+            background_m,
+            poses,
+        }: &BeforeScans,
         keys: &Keys,
         job: &mut Job<'_>,
-    ) -> Result<(stages::Poses, Self)> {
-        let background_m = job.once("reference", &keys.reference, |progress| {
-            Ok(thinned_for_drawing(drive.reference(progress)?))
-        })?;
-        let poses = job.once("trajectory", &keys.poses, |progress| {
-            Ok(drive.poses(progress)?.poses.clone())
-        })?;
+    ) -> Result<Self> {
         let rig = job.once("sample", &keys.calibration, |progress| {
             let initial = Rig::new(project);
             let rig = start::with_scales(project, &initial, &poses.trajectory, progress)?;
@@ -107,21 +134,32 @@ impl<'a> Calibrated<'a> {
             }
             None => (two_steps, Vec::new()),
         };
-        let calibrated = Self {
+        Ok(Self {
             project,
             rig,
-            background_m,
+            background_m: background_m.clone(),
             start,
             result,
             variants,
             joint,
-        };
-        Ok((poses, calibrated))
+        })
     }
 
     /// The joint adjustment whose values are the result.
     pub fn accepted(&self) -> Option<&Joint> {
         self.joint.as_ref().and_then(JointReport::accepted)
+    }
+
+    /// The poses of the drive after the joint adjustment, if there is one, from those before it.
+    ///
+    /// # Errors
+    /// See [`drives::Adjusted::new`].
+    pub fn adjusted_poses(&self, poses: &stages::Poses) -> Result<stages::Poses> {
+        let adjusted = drives::Adjusted::new(self.project, poses, self.accepted())?;
+        Ok(stages::Poses {
+            trajectory: adjusted.trajectory,
+            ..poses.clone()
+        })
     }
 
     /// The scanners with the resulting values: mountings, and the latencies and the compliance of a joint adjustment.
@@ -213,22 +251,23 @@ fn thinned_for_drawing(reference: &[Vec3]) -> Vec<Vec3> {
 /// The files of [`write`].
 pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 
-/// Writes the mountings as tables for a project file and by time.
+/// Writes the mountings as tables for a project file and by time. A file that cannot be written does not keep back the
+/// other.
 ///
 /// # Errors
-/// A file cannot be written.
+/// The first file that cannot be written.
 pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
     let accepted = findings.calibrations.accepted();
     let scanners = findings.rig.scanners(project);
-    let text = result::marked_toml(&scanners, &findings.verdicts)?;
-    job.write("calibration.toml", &text)?;
+    let text = result::marked_toml(&scanners, &findings.verdicts);
+    let mut outcome = text.and_then(|text| job.write("calibration.toml", text));
     if let Some(drive) = findings.drives.first() {
         let adjusted = accepted.and_then(|joint| joint.drives.first());
         let moved = adjusted.map_or(&[][..], |drive| &drive.bending);
         let text = mounting::table(&findings.calibrations.result, moved, &drive.poses);
-        job.write("mounting.csv", &text)?;
+        outcome = outcome.and(job.write("mounting.csv", text));
     }
-    Ok(())
+    outcome
 }
 
 /// The project with another method; warns of tables and keys that this method does not use.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::job::Job;
 use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
 use super::rig::Rig;
-use super::stages::{in_parallel, warn_of_missing};
+use super::stages::{box_of, in_parallel, warn_of_missing};
 use crate::comparison::TimedPoint;
 use crate::error::{Error, Result};
 use crate::format::{
@@ -154,14 +154,20 @@ pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
 /// Opens the sink for the points of the scanner with this number.
 pub type OpenSink<'a> = dyn Fn(usize, &CloudShape) -> Result<Box<dyn CloudSink + 'a>> + Sync + 'a;
 
-/// Opens LAS or LAZ files, one per scanner.
-pub fn into_files(files: &[PathBuf], origin_m: Vec3) -> Box<OpenSink<'_>> {
+/// Opens LAS or LAZ files, one per scanner, for the points along this trajectory: their coordinates are counted from the
+/// middle of the drive, because the files hold only points that are near.
+pub fn into_files<'a>(
+    files: &'a [PathBuf],
+    project: &Project,
+    trajectory: &Trajectory,
+) -> Box<OpenSink<'a>> {
+    let places = trajectory.poses().iter();
+    let places = places.map(|pose| pose.world_from_body.translation_m);
+    let middle_m = box_of(places).map_or_else(Vec3::zeros, |(low, high)| (low + high) / 2.0);
+    let offset_m = project.origin_m + middle_m;
     Box::new(move |index, shape| {
-        Ok(Box::new(CloudWriter::around(
-            &files[index],
-            origin_m,
-            shape,
-        )?))
+        let writer = CloudWriter::around(&files[index], offset_m, shape)?;
+        Ok(Box::new(writer))
     })
 }
 
@@ -334,7 +340,7 @@ pub fn write(
 ) -> Result<Vec<CloudSample>> {
     let files: Vec<PathBuf> = names(project).iter().map(|name| job.path(name)).collect();
     job.timed("georeference", |progress| {
-        let open = into_files(&files, project.origin_m);
+        let open = into_files(&files, project, trajectory);
         stream(project, trajectory, mounted, Some(&*open), progress)
     })
 }

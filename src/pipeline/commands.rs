@@ -11,8 +11,9 @@ use super::findings::{Extras, Findings, Truth};
 use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::Keys;
+use super::origin::with_origin;
 use super::outcome::{Options, Outcome};
-use super::{clouds, drives, page, result, stages, summary};
+use super::{clouds, drives, page, result, stages, summary, unfinished, write};
 use crate::comparison::Agreements;
 use crate::error::Result;
 use crate::format;
@@ -135,11 +136,11 @@ pub fn trajectory(
 ) -> Result<Outcome> {
     let names = ["trajectory.csv", "trajectory.html"];
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    let project = &with_origin(project, progress);
     let poses = stages::poses(project, progress)?.poses;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
-    let path = job.path("trajectory.csv");
-    stages::write_trajectory(&path, &drive.poses, &project.origin_m)?;
+    let written = write::trajectory(project, &drive, &job);
     let command = format!("boresight trajectory {}", project.path.display());
     let mut content = page::trajectory(project, std::slice::from_ref(&drive), command)?;
     let results = Results {
@@ -152,8 +153,8 @@ pub fn trajectory(
         .iter()
         .filter(|verdict| verdict.severity.is_marked());
     content.verdicts = marked.cloned().collect();
-    job.write("trajectory.html", &report::render(&content))?;
-    job.commit()?;
+    let written = written.and(job.write("trajectory.html", report::render(&content)));
+    written.and(job.commit().map(drop))?;
     let solution = drive.solution.as_ref();
     let mut result = json!({
         "trajectory": solution.map(|solution| result::trajectory(solution, &drive.poses)),
@@ -179,15 +180,13 @@ pub fn trajectory(
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
     let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    let project = &with_origin(project, progress);
     // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let calibration_drive = CalibrationDrive::new(project);
-    let (poses, calibrated) = Calibrated::run(project, &calibration_drive, &keys, &mut job)?;
-    let adjusted = drives::Adjusted::new(project, &poses, calibrated.accepted())?;
-    let poses = stages::Poses {
-        trajectory: adjusted.trajectory,
-        ..poses
-    };
+    let before = calibrated::before_scans(&calibration_drive, &keys, &mut job)?;
+    let calibrated = Calibrated::run(project, &calibration_drive, &before, &keys, &mut job)?;
+    let poses = calibrated.adjusted_poses(&before.poses)?;
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
     let extras = Extras {
         command: format!("boresight calibrate {}", project.path.display()),
@@ -195,10 +194,13 @@ pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) 
     };
     let mountings = calibrated.mountings(None);
     let findings = calibrated.findings(mountings, vec![drive], &mut job);
-    calibrated::write(project, &findings, &job)?;
-    let content = page::content(project, &findings, &extras)?;
-    job.write("calibration.html", &report::render(&content))?;
-    job.commit()?;
+    let written = calibrated::write(project, &findings, &job);
+    let content = page::content(project, &findings, &extras);
+    let page = content.and_then(|page| job.write("calibration.html", report::render(&page)));
+    let written = written.and(page).and(job.commit().map(drop));
+    if let Err(error) = written {
+        return Err(unfinished::shown(&findings, error, progress));
+    }
     Ok(Outcome {
         result: result::document(&findings),
         summary: summary::calibration(&findings),

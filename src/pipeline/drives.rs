@@ -92,7 +92,7 @@ pub struct Compared<'a> {
 
 impl Compared<'_> {
     /// Compares the sampled points of the calibration drive, placed with each of the mountings, and then those of the
-    /// evaluation drives. Without samples of the calibration drive, its points are read.
+    /// evaluation drives; appends each to `drives`. Without samples of the calibration drive, its points are read.
     ///
     /// # Errors
     /// Invalid settings of the comparison; errors of the readers and of the stages on an evaluation drive.
@@ -102,8 +102,9 @@ impl Compared<'_> {
         adjusted: Adjusted,
         samples: Option<Vec<CloudSample>>,
         calibration_drive: &CalibrationDrive<'_>,
+        drives: &mut Vec<DriveAndScene>,
         job: &mut Job<'_>,
-    ) -> Result<Vec<DriveAndScene>> {
+    ) -> Result<()> {
         let drive = ComparedDrive {
             name: &name_of(self.project),
             project: self.project,
@@ -124,7 +125,7 @@ impl Compared<'_> {
                 progress,
             )
         })?;
-        let mut drives = vec![first];
+        drives.push(first);
         for (other, key) in self.project.evaluations.iter().zip(&self.keys.evaluations) {
             let key = self.keyed(key.clone());
             let stage = format!("evaluate {}", other.name);
@@ -133,7 +134,7 @@ impl Compared<'_> {
                 self.evaluated(other, calibration_drive, progress)
             })?);
         }
-        Ok(drives)
+        Ok(())
     }
 
     fn keyed(&self, key: Key) -> Key {

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use super::rig::Rig;
+use crate::error::Error;
 use crate::geometry::{BodyFromScanner, Vec3};
+use crate::judgement;
 use crate::progress::StageSeconds;
 use crate::report::content::InputFile;
 use crate::report::scene::Scene;
@@ -65,6 +67,12 @@ pub struct Findings {
 }
 
 impl Findings {
+    /// Marks the findings as those of a run that ended with this error before its last stage.
+    pub fn end_early(&mut self, error: &Error) {
+        self.verdicts.push(judgement::ended_early(error));
+        judgement::attention_first(&mut self.verdicts);
+    }
+
     /// The results to be judged.
     pub fn results(&self) -> Results<'_> {
         Results {

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{EachPoint, Progress, StageSeconds};
 
-/// A running command. Its results appear with [`Job::commit`], all or none of them.
+/// A running command. Its results appear with [`Job::commit`].
 pub struct Job<'a> {
     staging: Staging,
     progress: &'a dyn Progress,
@@ -158,19 +158,42 @@ impl<'a> Job<'a> {
         self.staging.path(name)
     }
 
-    /// Writes the text file `name`.
+    /// Writes the file `name`.
     ///
     /// # Errors
-    /// The file cannot be written.
-    pub fn write(&self, name: &str, text: &str) -> Result<()> {
+    /// The file cannot be written; there is then no such result.
+    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<()> {
         let path = self.path(name);
-        std::fs::write(&path, text).map_err(|error| Error::io(&path, error))
+        let written = std::fs::write(&path, bytes).map_err(|error| Error::io(&path, error));
+        written.inspect_err(|_| self.discard(name))
+    }
+
+    /// Removes a result that is not complete, so that it does not appear.
+    pub fn discard(&self, name: &str) {
+        // Nothing more can be done for a file that cannot be removed.
+        let _ = std::fs::remove_file(self.path(name));
+    }
+
+    /// The names of those of these results that are written.
+    pub fn written<'n>(&self, names: &'n [String]) -> Vec<&'n str> {
+        let names = names.iter().map(String::as_str);
+        names.filter(|name| self.path(name).is_file()).collect()
+    }
+
+    /// Moves the results of a run that failed to their folder. All kept stages remain, as the run did not come to all of
+    /// them.
+    ///
+    /// # Errors
+    /// As for [`Self::commit`].
+    pub fn commit_unfinished(self) -> Result<()> {
+        self.progress.check()?;
+        self.staging.commit()
     }
 
     /// Moves all results to their folder, removes unused kept stages, and returns the kept stages.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; a file cannot be flushed or renamed.
+    /// [`Error::Cancelled`]; a file cannot be flushed or renamed, and the others are in place.
     pub fn commit(self) -> Result<Option<Finished>> {
         self.progress.check()?;
         self.staging.commit()?;

@@ -27,6 +27,7 @@ mod keys;
 mod logs;
 mod mounting;
 pub mod online;
+mod origin;
 mod outcome;
 pub mod overlap;
 mod page;
@@ -44,6 +45,8 @@ pub mod start;
 mod summary;
 pub mod thin;
 mod tiled;
+mod unfinished;
+mod write;
 
 pub use analyse::analyse;
 pub use calibrated::with_method;

@@ -8,6 +8,7 @@ use serde_json::json;
 use super::clouds::Mounted;
 use super::commands::files_in;
 use super::job::Job;
+use super::origin::with_origin;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
 use super::rig::Rig;
@@ -156,7 +157,7 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let (project, rig) = (&placement.project, &placement.rig);
+    let (project, rig) = (&with_origin(&placement.project, progress), &placement.rig);
     let names = clouds::names(project);
     let mut job = Job::new(&options.out, placement.inputs(), &names, progress)?;
     for remark in &placement.remarks {

@@ -27,6 +27,7 @@ pub fn document(findings: &Findings) -> Value {
     if let Some(report) = &findings.calibrations.joint {
         document["calibration"]["joint"] = joint(report, result, origin_m);
     }
+    document["origin_m"] = json!(origin_m);
     document["boresight"] = json!(env!("CARGO_PKG_VERSION"));
     document["drives"] = drives(&findings.drives);
     document["stages"] = stages(&findings.stages);

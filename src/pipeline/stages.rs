@@ -169,7 +169,7 @@ pub fn check_reference(
 }
 
 /// Bounding box: the smallest and the largest coordinates; `None` without points.
-fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
+pub fn box_of(points: impl Iterator<Item = Vec3>) -> Option<(Vec3, Vec3)> {
     points.fold(None, |bounds, point| {
         let (low, high) = bounds.unwrap_or((point, point));
         Some((low.inf(&point), high.sup(&point)))

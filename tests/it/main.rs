@@ -18,6 +18,7 @@ mod drift;
 mod faults;
 mod features;
 mod field_cases;
+mod first_hours;
 mod formats;
 mod geocom;
 mod gocator;
