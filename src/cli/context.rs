@@ -84,7 +84,7 @@ impl Context {
 }
 
 /// The project file at a path: if the path is a folder, such as a recording, the `project.toml` in it.
-fn project_file(path: &Path) -> PathBuf {
+pub(super) fn project_file(path: &Path) -> PathBuf {
     let inside = path.join("project.toml");
     if path.is_dir() && inside.is_file() {
         inside

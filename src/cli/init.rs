@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::error::{Error, Location, Result};
 use crate::output::write_whole;
-use crate::pipeline::{self, NewProject, Outcome};
+use crate::pipeline::{self, FileUse, NewProject, Outcome};
 use crate::project::Project;
 
 /// Write a commented project file for the logs and recordings of a folder
@@ -34,24 +34,47 @@ impl Init {
             text,
             missing,
             unread,
+            files,
+            is_trajectory_only,
         } = pipeline::init(&self.folder)?;
         write_whole(&path, text.as_bytes())?;
-        let mut summary = match (missing.is_empty(), Project::read(&path)) {
+        let mut lines: Vec<String> = files.iter().map(ToString::to_string).collect();
+        lines.push(match (missing.is_empty(), Project::read(&path)) {
             (false, _) => format!(
                 "Fill in the values that the files do not give: {}.",
                 missing.join(", ")
             ),
             (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
             (true, Err(error)) => format!("To be corrected by hand: {error}"),
-        };
-        for error in &unread {
-            summary += &format!("\nNot read: {error}");
-        }
+        });
+        lines.extend(unread.iter().map(|error| format!("Not read: {error}")));
+        let file = path.display();
+        lines.push(if is_trajectory_only {
+            format!(
+                "No file is a recording of a scanner. With the other values, these logs give a trajectory: boresight \
+                 trajectory {file}"
+            )
+        } else {
+            format!("Next, see what a run will find: boresight inspect {file}")
+        });
+        let listed: Vec<Value> = files.iter().map(document).collect();
         Ok(Outcome {
-            result: json!({ "project": path.display().to_string(), "missing": missing, "unread": unread }),
-            summary,
+            result: json!({ "project": path.display().to_string(), "missing": missing, "unread": unread,
+                "files": listed }),
+            summary: lines.join("\n"),
             files: vec![path],
             ..Outcome::default()
         })
     }
+}
+
+/// A file and its use, for JSON.
+pub(super) fn document(file: &FileUse) -> Value {
+    json!({
+        "path": file.path.display().to_string(),
+        "format": file.format,
+        "serves": file.serves,
+        "count": file.count,
+        "span_s": file.span_s,
+    })
 }

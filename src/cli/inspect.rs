@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::context::project_file;
 use super::describe;
 use super::print::unprintable;
 use crate::error::Result;
@@ -15,7 +16,7 @@ use crate::verdict::Verdict;
 /// Describe files: format, span, rate, gaps, units, counts; for a project, what a run will do
 #[derive(Debug, clap::Args)]
 pub(super) struct Inspect {
-    /// Project files or data files
+    /// Project files, data files or folders
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Estimate the noise of IMU logs at rest from their Allan deviation, as keys of a project
@@ -62,6 +63,10 @@ impl Inspect {
 
 /// Adds contradictions in the logs of a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
+    if file.is_dir() && !file.join("project.toml").is_file() {
+        return folder(file);
+    }
+    let file = &project_file(file);
     let input = &Input::from(file);
     if format::detect(input)?.id() != "project" {
         let description = format::inspect(input)?;
@@ -91,4 +96,26 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
         verdicts.extend(contradictions);
     }
     Ok((document, describe::project(&project)))
+}
+
+/// Lists the files of a folder, and what each can serve as.
+fn folder(folder: &Path) -> Result<(Value, String)> {
+    let files = pipeline::survey(folder)?;
+    let mut text = format!("{}\n", folder.display());
+    for file in &files {
+        text += &format!("  {file}\n");
+    }
+    text += &match files.len() {
+        0 => "  no files".to_owned(),
+        _ => format!(
+            "  a project of these files: boresight init {}",
+            folder.display()
+        ),
+    };
+    let files: Vec<Value> = files.iter().map(super::init::document).collect();
+    let path = folder.display().to_string();
+    Ok((
+        json!({ "path": path, "format": "folder", "files": files }),
+        text,
+    ))
 }

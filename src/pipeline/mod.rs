@@ -56,7 +56,7 @@ pub use convert::{Conversion, convert, mountings_text};
 pub use features::features;
 pub use field::field;
 pub use findings::{Extras, Findings, KeptStages, Truth};
-pub use init::{NewProject, init};
+pub use init::{FileUse, NewProject, init, survey};
 pub use inputs::{hash_of, size};
 pub use job::Job;
 pub use kept_page::report;

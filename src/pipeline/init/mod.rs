@@ -1,36 +1,19 @@
 //! Makes a project from the files of a folder.
 
+mod drives;
+mod files;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Location, Problem, Result};
-use crate::format::{self, Format, Input};
+use crate::error::{Error, Problem, Result};
+use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
-use crate::geometry::{BodyFromScanner, EulerConvention};
+pub use files::FileUse;
+use files::SortedFiles;
 
-/// Depth of the subfolders that are searched.
-const DEEPEST: usize = 4;
-/// Largest number of files: a folder with more is not the folder of a drive.
-const MOST_FILES: usize = 10_000;
-
-/// The files of a folder, sorted by purpose, with paths relative to the folder.
-#[derive(Debug, Default)]
-struct SortedFiles {
-    imu: Vec<PathBuf>,
-    prism: Vec<PathBuf>,
-    gnss: Vec<PathBuf>,
-    heading: Vec<PathBuf>,
-    poses: Vec<PathBuf>,
-    profiles: Vec<PathBuf>,
-    clouds: Vec<PathBuf>,
-    mountings: Vec<(PathBuf, BodyFromScanner)>,
-    /// Recordings of several sensors, with a description of their contents.
-    recordings: Vec<(PathBuf, String)>,
-    /// Text and binary files of unknown formats.
-    unknown: Vec<PathBuf>,
-    /// Reasons why files of a known format were not read.
-    unread: Vec<String>,
-}
+/// Files that an error lists.
+const MOST_LISTED: usize = 20;
 
 /// A project made from the files of a folder.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,6 +24,10 @@ pub struct NewProject {
     pub missing: Vec<&'static str>,
     /// Reasons why files of a known format were not read.
     pub unread: Vec<String>,
+    /// Each file of the folder, and what it can serve as.
+    pub files: Vec<FileUse>,
+    /// Whether the project gives a trajectory and no calibration, because no file is a recording of a scanner.
+    pub is_trajectory_only: bool,
 }
 
 impl NewProject {
@@ -55,134 +42,57 @@ impl NewProject {
 /// the files do not contain is left as a comment for the user to fill in: a run then names the missing values.
 ///
 /// # Errors
-/// A folder that cannot be read, with too many files, or without a recording of a scanner.
+/// A folder that cannot be read, with too many files, with the files of several drives, or without a recording, a log or a
+/// trajectory.
 pub fn init(folder: &Path) -> Result<NewProject> {
-    if !folder.is_dir() {
-        let expected = "a folder with the files of a drive";
-        return Err(if folder.exists() {
-            Error::format(folder, Location::Whole, "a file", expected)
-        } else {
-            Error::format(folder, Location::Whole, "no such folder", expected)
-        });
-    }
-    let mut files = Vec::new();
-    list(folder, DEEPEST, &mut files)?;
-    files.sort();
-    let mut sorted = SortedFiles::default();
-    for file in &files {
-        sorted.add(folder, file);
-    }
-    if sorted.profiles.is_empty() && sorted.recordings.is_empty() {
+    let sorted = files::sorted(folder)?;
+    if sorted.is_without_measurements() {
+        let uses = sorted.uses.iter().take(MOST_LISTED);
+        let uses: String = uses.map(|file| format!("\n  {file}")).collect();
         return Err(Error::of(
             Problem::TooFew,
             format!(
-                "none of the {} files in {} is a recording of a scanner",
-                files.len(),
+                "none of the {} files in {} is a recording of a scanner, a log or a trajectory{uses}",
+                sorted.uses.len(),
                 folder.display()
             ),
             "see how each file is read: boresight inspect FILE…",
         ));
     }
-    Ok(sorted.project())
+    drives::check(folder, &sorted, scanner_name)?;
+    let made = sorted.project();
+    Ok(NewProject {
+        files: sorted.uses,
+        ..made
+    })
 }
 
-fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
-    let error = |e| Error::io(folder, e);
-    for entry in std::fs::read_dir(folder).map_err(error)? {
-        let entry = entry.map_err(error)?;
-        let path = entry.path();
-        if entry.file_name().to_string_lossy().starts_with('.') {
-            continue;
-        }
-        // Results of runs and the truth of simulated drives are not inputs.
-        let is_other = ["out", "truth"].iter().any(|name| path.ends_with(name));
-        if path.is_dir() && depth > 0 && !is_other {
-            list(&path, depth - 1, files)?;
-        } else if path.is_file() {
-            if files.len() == MOST_FILES {
-                return Err(Error::of(
-                    Problem::TooMany,
-                    format!("more than {MOST_FILES} files up to {}", folder.display()),
-                    "name the folder of one drive",
-                ));
-            }
-            files.push(path);
-        }
-    }
-    Ok(())
+/// The files below a folder, and what each can serve as.
+///
+/// # Errors
+/// A folder that cannot be read, or with too many files.
+pub fn survey(folder: &Path) -> Result<Vec<FileUse>> {
+    Ok(files::sorted(folder)?.uses)
 }
 
 impl SortedFiles {
-    fn add(&mut self, folder: &Path, file: &Path) {
-        let path = file.strip_prefix(folder).unwrap_or(file).to_owned();
-        let input = &Input::from(file);
-        let Ok(format) = format::detect(input) else {
-            self.unknown.push(path);
-            return;
-        };
-        if format.id() == "project" {
-            return;
-        }
-        if format.id() == "bonn-mounting" {
-            match format::read_mounting(input) {
-                Ok(mounting) => self.mountings.push((path, mounting)),
-                Err(error) => self.unread.push(error.to_string()),
-            }
-            return;
-        }
-        if format.id() == "ros-bag" {
-            match format::inspect(input) {
-                Ok(inspection) => self.recordings.push((path, inspection.notes.join("; "))),
-                Err(error) => self.unread.push(error.to_string()),
-            }
-            return;
-        }
-        let name = path.to_string_lossy().to_lowercase();
-        let is_gnss = ["gnss", "gps", "rtk"]
-            .iter()
-            .any(|word| name.contains(word));
-        match Role::of(format) {
-            Role::Cloud => self.clouds.push(path),
-            Role::Profiles => self.profiles.push(path),
-            Role::Poses => self.poses.push(path),
-            Role::Positions if is_gnss => self.gnss.push(path),
-            Role::Positions => self.prism.push(path),
-            Role::Geographic => self.gnss.push(path),
-            Role::Logs => {
-                let heading = format
-                    .has_heading()
-                    .then(|| format::read_heading(input).map(drop));
-                let imu = format.has_imu().then(|| format::read_imu(input).map(drop));
-                if let Some(Ok(())) = &heading {
-                    self.heading.push(path.clone());
-                }
-                if let Some(Ok(())) = &imu {
-                    self.imu.push(path);
-                }
-                // A format that can hold both may hold only one of them.
-                let both = heading.into_iter().chain(imu);
-                let (read, errors): (Vec<_>, Vec<_>) = both.partition(Result::is_ok);
-                if read.is_empty() {
-                    let why = errors.into_iter().filter_map(Result::err).next_back();
-                    self.unread.extend(why.map(|error| error.to_string()));
-                }
-            }
-            Role::None => self.unknown.push(path),
-        }
-    }
-
     fn project(&self) -> NewProject {
         let mut made = NewProject {
             text: "# Keys that the files do not give are commented out: fill in their values.\n\
                    [frame]\nbody = \"FRD\"                  # x forward, y right, z down; or \"FLU\"\n"
                 .to_owned(),
-            missing: Vec::new(),
             unread: self.unread.clone(),
+            ..NewProject::default()
         };
-        if self.poses.is_empty() {
+        let has_scanner = !(self.profiles.is_empty() && self.posed.is_empty());
+        let has_positions = !(self.prism.is_empty() && self.gnss.is_empty());
+        let poses = self.trajectory_files();
+        if poses.is_empty() || !has_scanner && has_positions && !self.imu.is_empty() {
             self.logs(&mut made);
+            let what = "poses that could be used instead of these logs";
+            list_as_comment(&mut made.text, what, &poses);
         } else {
-            let files = list_of(&self.poses);
+            let files = list_of(&poses);
             made.text += &format!(
                 "\n[trajectory]\nfile = {files}\n\
                  # If the file gives no standard deviations, the joint adjustment needs these:\n\
@@ -196,14 +106,14 @@ impl SortedFiles {
         let mut names: Vec<String> = Vec::new();
         for profiles in &self.profiles {
             let plain = scanner_name(profiles);
-            let numbered = (2..).map(|number| format!("{plain}-{number}"));
-            let mut free = std::iter::once(plain.clone()).chain(numbered);
-            let name = free.find(|name| !names.contains(name)).unwrap_or_default();
+            let name = free_name(&plain, &names);
             self.scanner(&mut made, profiles, &plain, &name);
             names.push(name);
         }
-        if self.profiles.is_empty() {
+        self.posed_scanners(&mut made, &mut names);
+        if !has_scanner {
             made.misses("[[scanner]]");
+            made.is_trajectory_only = self.recordings.is_empty();
         }
         for (path, topics) in &self.recordings {
             made.text += &format!(
@@ -223,6 +133,40 @@ impl SortedFiles {
         made
     }
 
+    /// The files of poses: those of the sensor in LAS, if there are any, since the points belong to these.
+    fn trajectory_files(&self) -> Vec<PathBuf> {
+        if self.posed.is_empty() {
+            return self.poses.clone();
+        }
+        self.posed.iter().map(|(path, _)| path.clone()).collect()
+    }
+
+    /// The scanners of LAS with the sensor's pose at every point: one if the files follow each other in time, as strips do,
+    /// and else one for each file.
+    fn posed_scanners(&self, made: &mut NewProject, names: &mut Vec<String>) {
+        let mut by_time: Vec<&(PathBuf, [f64; 2])> = self.posed.iter().collect();
+        by_time.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        let follow = by_time.windows(2).all(|pair| pair[0].1[1] < pair[1].1[0]);
+        let paths: Vec<PathBuf> = by_time.iter().map(|(path, _)| path.clone()).collect();
+        let scanners = if follow {
+            paths.chunks(paths.len().max(1))
+        } else {
+            paths.chunks(1)
+        };
+        for files in scanners {
+            let name = free_name(&scanner_name(&files[0]), names);
+            let _ = write!(
+                made.text,
+                "\n[[scanner]]\nname = {}\nprofiles = {}\n\
+                 # the poses of the file are those of the scanner itself\n\
+                 translation_m = [0.0, 0.0, 0.0]\nrotation_deg = [0.0, 0.0, 0.0]\n",
+                quoted(&name),
+                list_of(files)
+            );
+            names.push(name);
+        }
+    }
+
     fn logs(&self, made: &mut NewProject) {
         let arm =
             "# lever_arm_m =                   # from the IMU, in the body frame: [x, y, z]\n";
@@ -240,6 +184,11 @@ impl SortedFiles {
                 list_as_comment(&mut made.text, "others of this kind", further);
                 if keys == arm {
                     made.misses("lever_arm_m");
+                }
+                if self.polar.contains(first) {
+                    made.misses("station_m");
+                    made.text += "# station_m =                     # of the total station's axes: [east, north, up]\n\
+                                  # station_orientation_deg = 0.0   # grid bearing of its zero direction\n";
                 }
             }
         }
@@ -287,31 +236,6 @@ impl SortedFiles {
     }
 }
 
-/// The purpose of files of a format.
-enum Role {
-    Cloud,
-    Profiles,
-    Poses,
-    Positions,
-    Geographic,
-    Logs,
-    None,
-}
-
-impl Role {
-    fn of(format: Format) -> Self {
-        match format {
-            _ if format.has_imu() || format.has_heading() => Self::Logs,
-            _ if format.has_positions() => Self::Positions,
-            _ if format.has_geographic() => Self::Geographic,
-            _ if format.has_cloud() => Self::Cloud,
-            _ if format.has_profiles() => Self::Profiles,
-            _ if format.has_poses() => Self::Poses,
-            _ => Self::None,
-        }
-    }
-}
-
 /// `left` or `right` by the last letter of the file, as the Bonn group names its files, otherwise the file's name.
 fn scanner_name(profiles: &Path) -> String {
     let stem = profiles.file_stem().unwrap_or_default().to_string_lossy();
@@ -326,6 +250,13 @@ fn scanner_name(profiles: &Path) -> String {
             stem.chars().map(plain).collect()
         }
     }
+}
+
+/// A name for a scanner that no other has.
+fn free_name(plain: &str, names: &[String]) -> String {
+    let numbered = (2..).map(|number| format!("{plain}-{number}"));
+    let mut free = std::iter::once(plain.to_owned()).chain(numbered);
+    free.find(|name| !names.contains(name)).unwrap_or_default()
 }
 
 /// Lists files as a comment.
@@ -364,6 +295,7 @@ fn list_of(files: &[PathBuf]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::files::MOST_FILES;
     use super::*;
 
     #[test]

@@ -1,0 +1,123 @@
+//! Whether the files of a folder are those of one drive.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::files::SortedFiles;
+use crate::error::{Error, Result};
+
+/// Files that were recorded at the same time.
+struct Group<'a> {
+    end_s: f64,
+    files: Vec<&'a Path>,
+}
+
+/// Checks that the profiles are those of one drive: those of several drives would become as many scanners.
+///
+/// # Errors
+/// Two drives or more.
+pub fn check(folder: &Path, files: &SortedFiles, name_of: impl Fn(&Path) -> String) -> Result<()> {
+    let drives = match by_time(files) {
+        drives if drives.len() > 1 => drives,
+        _ => by_folder(files, name_of),
+    };
+    if drives.len() < 2 {
+        return Ok(());
+    }
+    let text = |files: &Vec<&Path>| {
+        let names: Vec<String> = files
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect();
+        names.join(", ")
+    };
+    let listed: Vec<String> = drives.iter().map(text).collect();
+    let folders: BTreeSet<PathBuf> = drives.iter().flatten().map(|path| top(path)).collect();
+    let have_folders = folders.len() == drives.len() && !folders.contains(Path::new(""));
+    let remedy = if have_folders {
+        let commands = folders
+            .iter()
+            .map(|top| format!("boresight init {}", folder.join(top).display()));
+        format!(
+            "make a project of each: {}",
+            commands.collect::<Vec<_>>().join("; ")
+        )
+    } else {
+        "move the files of each drive into a folder of its own, and make a project of each with boresight init FOLDER"
+            .to_owned()
+    };
+    Err(Error::data(
+        format!(
+            "{} holds the files of {} drives: {}",
+            folder.display(),
+            drives.len(),
+            listed.join("; ")
+        ),
+        format!("{remedy}; [[drive]] or [[evaluation]] in one of them then names the others"),
+    ))
+}
+
+/// The drives by the times of their files: sets of logs and profiles that do not overlap, each with profiles and with an
+/// IMU or poses. Logs on another clock alone are no drive.
+fn by_time(files: &SortedFiles) -> Vec<Vec<&Path>> {
+    let motion = |path: &PathBuf| files.imu.contains(path) || files.poses.contains(path);
+    let is_of_drive = |path: &PathBuf| {
+        let positions = files.prism.iter().chain(&files.gnss);
+        motion(path)
+            || files.profiles.contains(path)
+            || positions.chain(&files.heading).any(|p| p == path)
+    };
+    let spans = files.uses.iter().filter(|file| is_of_drive(&file.path));
+    let mut spans: Vec<_> = spans
+        .filter_map(|file| Some((file.span_s?, file.path.as_path())))
+        .collect();
+    spans.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    for ([first_s, last_s], path) in spans {
+        match groups.last_mut().filter(|group| first_s <= group.end_s) {
+            Some(group) => {
+                group.end_s = group.end_s.max(last_s);
+                group.files.push(path);
+            }
+            None => groups.push(Group {
+                end_s: last_s,
+                files: vec![path],
+            }),
+        }
+    }
+    let groups = groups.into_iter().map(|group| group.files);
+    let has = |group: &[&Path], what: &dyn Fn(&PathBuf) -> bool| {
+        group.iter().any(|path| what(&path.to_path_buf()))
+    };
+    groups
+        .filter(|group| has(group, &motion) && has(group, &|path| files.profiles.contains(path)))
+        .collect()
+}
+
+/// The drives by their folders, if the profiles of a scanner are in several.
+fn by_folder(files: &SortedFiles, name_of: impl Fn(&Path) -> String) -> Vec<Vec<&Path>> {
+    let profiles = files.profiles.iter();
+    let named: BTreeSet<(String, PathBuf)> = profiles
+        .clone()
+        .map(|path| (name_of(path), top(path)))
+        .collect();
+    let names: BTreeSet<&String> = named.iter().map(|(name, _)| name).collect();
+    let tops: BTreeSet<&PathBuf> = named.iter().map(|(_, top)| top).collect();
+    // Every scanner in a folder of its own is one drive.
+    if names.len() == named.len() || tops.len() < 2 {
+        return Vec::new();
+    }
+    let of = |folder: &PathBuf| -> Vec<&Path> {
+        let inside = files.profiles.iter().filter(|path| top(path) == *folder);
+        inside.map(PathBuf::as_path).collect()
+    };
+    tops.into_iter().map(of).collect()
+}
+
+/// The first folder of a relative path; empty for a file.
+fn top(path: &Path) -> PathBuf {
+    let first = path.parent().and_then(|parent| parent.components().next());
+    first
+        .map(|first| PathBuf::from(first.as_os_str()))
+        .unwrap_or_default()
+}

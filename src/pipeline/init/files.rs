@@ -1,0 +1,335 @@
+//! What the files of a folder are, and what they can serve as.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Location, Problem, Result};
+use crate::format::{self, Format, Input};
+use crate::geometry::BodyFromScanner;
+
+/// Depth of the subfolders that are searched.
+const DEEPEST: usize = 4;
+/// Largest number of files: a folder with more is not the folder of a drive.
+pub const MOST_FILES: usize = 10_000;
+/// Rows and bytes of a table that are looked at to tell a log from a cloud.
+const ROWS: usize = 1000;
+const BYTES: u64 = 1 << 20;
+
+/// A file, and what it can serve as.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileUse {
+    /// The file, relative to the folder.
+    pub path: PathBuf,
+    /// Its format; `None` if it is not recognised.
+    pub format: Option<Format>,
+    /// What it can serve as, or why it can serve as nothing.
+    pub serves: String,
+    /// Rows, samples, poses or points; `None` if they were not counted.
+    pub count: Option<u64>,
+    /// First and last time, seconds.
+    pub span_s: Option<[f64; 2]>,
+}
+
+impl fmt::Display for FileUse {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.path.display(), self.serves)?;
+        if let Some(count) = self.count {
+            write!(f, "; {count} rows")?;
+        }
+        match self.span_s {
+            Some([first_s, last_s]) => write!(f, ", {first_s:.1} s to {last_s:.1} s"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The files of a folder, sorted by purpose, with paths relative to the folder.
+#[derive(Debug, Default)]
+pub struct SortedFiles {
+    pub imu: Vec<PathBuf>,
+    pub prism: Vec<PathBuf>,
+    pub gnss: Vec<PathBuf>,
+    pub heading: Vec<PathBuf>,
+    pub poses: Vec<PathBuf>,
+    pub profiles: Vec<PathBuf>,
+    /// LAS with the sensor's pose at every point, which are profiles and poses, with their first and last time, seconds.
+    pub posed: Vec<(PathBuf, [f64; 2])>,
+    pub clouds: Vec<PathBuf>,
+    pub mountings: Vec<(PathBuf, BodyFromScanner)>,
+    /// Recordings of several sensors, with a description of their contents.
+    pub recordings: Vec<(PathBuf, String)>,
+    /// Polar observations, which need the position of their total station.
+    pub polar: Vec<PathBuf>,
+    /// Text and binary files of unknown formats, and tables that are not what their format says.
+    pub unknown: Vec<PathBuf>,
+    /// Reasons why files of a known format were not read.
+    pub unread: Vec<String>,
+    /// All files in order.
+    pub uses: Vec<FileUse>,
+}
+
+/// Sorts the files below a folder.
+///
+/// # Errors
+/// A folder that cannot be read, or with too many files.
+pub fn sorted(folder: &Path) -> Result<SortedFiles> {
+    if !folder.is_dir() {
+        let expected = "a folder with the files of a drive";
+        return Err(if folder.exists() {
+            Error::format(folder, Location::Whole, "a file", expected)
+        } else {
+            Error::format(folder, Location::Whole, "no such folder", expected)
+        });
+    }
+    let mut files = Vec::new();
+    list(folder, DEEPEST, &mut files)?;
+    files.sort();
+    let mut sorted = SortedFiles::default();
+    for file in &files {
+        sorted.add(folder, file);
+    }
+    Ok(sorted)
+}
+
+fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
+    let error = |e| Error::io(folder, e);
+    for entry in std::fs::read_dir(folder).map_err(error)? {
+        let entry = entry.map_err(error)?;
+        let path = entry.path();
+        if entry.file_name().to_string_lossy().starts_with('.') {
+            continue;
+        }
+        // Results of runs and the truth of simulated drives are not inputs.
+        let is_other = ["out", "out.finished", "truth"]
+            .iter()
+            .any(|name| path.ends_with(name));
+        if path.is_dir() && depth > 0 && !is_other {
+            list(&path, depth - 1, files)?;
+        } else if path.is_file() {
+            if files.len() == MOST_FILES {
+                return Err(Error::of(
+                    Problem::TooMany,
+                    format!("more than {MOST_FILES} files up to {}", folder.display()),
+                    "name the folder of one drive",
+                ));
+            }
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+impl SortedFiles {
+    /// Whether no file has measurements along a drive.
+    pub fn is_without_measurements(&self) -> bool {
+        let logs = [&self.imu, &self.prism, &self.gnss, &self.heading];
+        let other = [&self.poses, &self.profiles];
+        let mut files = logs.into_iter().chain(other);
+        files.all(Vec::is_empty) && self.posed.is_empty() && self.recordings.is_empty()
+    }
+
+    fn add(&mut self, folder: &Path, file: &Path) {
+        let path = file.strip_prefix(folder).unwrap_or(file).to_owned();
+        let input = &Input::from(file);
+        let mut found = FileUse {
+            path: path.clone(),
+            format: None,
+            serves: String::new(),
+            count: None,
+            span_s: None,
+        };
+        match format::detect(input) {
+            Err(error) => {
+                self.unknown.push(path);
+                found.serves = format!("nothing: {}", one_line(&error));
+            }
+            Ok(format) => {
+                found.format = Some(format);
+                let role = Role::of(format);
+                let inspection = match role {
+                    Role::Cloud => None,
+                    _ if format.id() == "project" => None,
+                    _ => Some(format::inspect(input)),
+                };
+                if let Some(Ok(inspection)) = &inspection {
+                    found.count = Some(inspection.count).filter(|count| *count > 0);
+                    found.span_s = inspection.span_s;
+                }
+                found.serves = match (inspection, format.id()) {
+                    (Some(Err(error)), _) => self.cannot_read(error),
+                    (_, "project") => "a project: boresight inspect or run".to_owned(),
+                    (_, "bonn-mounting") => match format::read_mounting(input) {
+                        Ok(mounting) => {
+                            self.mountings.push((path, mounting));
+                            "the mounting of a scanner".to_owned()
+                        }
+                        Err(error) => self.cannot_read(error),
+                    },
+                    (Some(Ok(inspection)), "ros-bag") => {
+                        let topics = inspection.notes.join("; ");
+                        self.recordings.push((path, topics.clone()));
+                        format!("a recording, of which a project names topics: {topics}")
+                    }
+                    _ => self.sort(input, format, role, path),
+                };
+            }
+        }
+        self.uses.push(found);
+    }
+
+    fn cannot_read(&mut self, error: Error) -> String {
+        let why = format!("nothing: {}", one_line(&error));
+        self.unread.push(error.to_string());
+        why
+    }
+
+    /// Sorts a file with one kind of measurements; returns what it can serve as.
+    fn sort(&mut self, input: &Input, format: Format, role: Role, path: PathBuf) -> String {
+        let name = path.to_string_lossy().to_lowercase();
+        let is_gnss = ["gnss", "gps", "rtk"]
+            .iter()
+            .any(|word| name.contains(word));
+        if let Some(span_s) = posed_span_s(input, format) {
+            self.posed.push((path, span_s));
+            return "profiles and poses, [[scanner]] and [trajectory]: every point carries the sensor's pose".to_owned();
+        }
+        let (files, serves) = match role {
+            Role::Cloud if is_log(input.path()) => (
+                &mut self.unknown,
+                "nothing yet: it begins with a time that increases from row to row, as a log does, and its header is \
+                 not known; name the columns of positions time_s, east_m, north_m, up_m. A cloud may be named in \
+                 [reference]",
+            ),
+            Role::Cloud => (
+                &mut self.clouds,
+                "a cloud: [reference], or boresight compare",
+            ),
+            Role::Profiles => (&mut self.profiles, "the profiles of a [[scanner]]"),
+            Role::Poses => (&mut self.poses, "poses: [trajectory]"),
+            Role::Positions if is_gnss => (&mut self.gnss, "the positions of an antenna: [gnss]"),
+            Role::Positions => {
+                if ["polar-csv", "rts-csv"].contains(&format.id()) {
+                    self.polar.push(path.clone());
+                }
+                (&mut self.prism, "the positions of a prism: [prism]")
+            }
+            Role::Geographic => (
+                &mut self.gnss,
+                "latitudes and longitudes of an antenna: [gnss], with frame.crs",
+            ),
+            Role::Logs => return self.sort_log(input, format, path),
+            Role::None => (
+                &mut self.unknown,
+                "nothing: no measurements that a project uses",
+            ),
+        };
+        files.push(path);
+        serves.to_owned()
+    }
+
+    /// Sorts a log that may hold headings and samples of an IMU.
+    fn sort_log(&mut self, input: &Input, format: Format, path: PathBuf) -> String {
+        let heading = format
+            .has_heading()
+            .then(|| format::read_heading(input).map(drop));
+        let imu = format.has_imu().then(|| format::read_imu(input).map(drop));
+        let mut serves = Vec::new();
+        if let Some(Ok(())) = &heading {
+            self.heading.push(path.clone());
+            serves.push("headings: [heading]");
+        }
+        if let Some(Ok(())) = &imu {
+            self.imu.push(path);
+            serves.push("the samples of an IMU: [imu]");
+        }
+        if !serves.is_empty() {
+            return serves.join("; ");
+        }
+        // A format that can hold both may hold only one of them.
+        let errors = heading.into_iter().chain(imu).filter_map(Result::err);
+        match errors.last() {
+            Some(error) => self.cannot_read(error),
+            None => "nothing".to_owned(),
+        }
+    }
+}
+
+/// The first and the last time of a LAS file whose points carry the sensor's pose.
+fn posed_span_s(input: &Input, format: Format) -> Option<[f64; 2]> {
+    if !format.is_las() {
+        return None;
+    }
+    let poses = format::read_trajectory(input).ok()?;
+    Some([poses.first()?.time_s, poses.last()?.time_s])
+}
+
+/// An error in one line.
+fn one_line(error: &Error) -> String {
+    error.to_string().replace('\n', " ")
+}
+
+/// Whether a table that was taken for a cloud looks like a log: it has a header, and the first column, which is not a
+/// coordinate, increases from row to row. Scanners measure many points at a time, or list their coordinates first.
+fn is_log(path: &Path) -> bool {
+    let Ok(file) = File::open(path) else {
+        return false;
+    };
+    let mut lines = BufReader::new(file.take(BYTES))
+        .lines()
+        .map_while(std::io::Result::ok);
+    let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
+    let Some(header) = lines.next() else {
+        return false;
+    };
+    let name = header
+        .trim_start_matches(['#', '/', ' ', '"'])
+        .to_lowercase();
+    let name = name
+        .split(is_separator)
+        .next()
+        .unwrap_or_default()
+        .trim_matches('"');
+    let is_coordinate = ["x", "e", "r", "y", "n", "h"]
+        .iter()
+        .any(|start| name.starts_with(start));
+    if name.is_empty() || is_coordinate || name.parse::<f64>().is_ok() {
+        return false;
+    }
+    let times = lines.take(ROWS).map_while(|line| {
+        let cell = line
+            .split(is_separator)
+            .next()?
+            .trim_matches('"')
+            .to_owned();
+        cell.parse::<f64>().ok()
+    });
+    let times: Vec<f64> = times.collect();
+    times.len() > 2 && times.windows(2).all(|pair| pair[0] < pair[1])
+}
+
+/// The purpose of files of a format.
+enum Role {
+    Cloud,
+    Profiles,
+    Poses,
+    Positions,
+    Geographic,
+    Logs,
+    None,
+}
+
+impl Role {
+    fn of(format: Format) -> Self {
+        match format {
+            _ if format.has_imu() || format.has_heading() => Self::Logs,
+            _ if format.has_positions() => Self::Positions,
+            _ if format.has_geographic() => Self::Geographic,
+            _ if format.has_cloud() => Self::Cloud,
+            _ if format.has_profiles() => Self::Profiles,
+            _ if format.has_poses() => Self::Poses,
+            _ => Self::None,
+        }
+    }
+}

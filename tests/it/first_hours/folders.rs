@@ -1,0 +1,237 @@
+//! Folders of all kinds: what `init` makes of them, and what `inspect` says about them.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use boresight::project::{Motion, Project};
+
+use crate::common::{Run, boresight, names, rewrite, simulated};
+
+fn init(folder: &Path) -> Run {
+    boresight(&["init", folder.to_str().unwrap()])
+}
+
+/// Writes the IMU and the prism of a simulated drive as EuRoC does, with times in nanoseconds.
+fn write_euroc(drive: &Path, to: &Path) {
+    let columns = "w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],\
+                   a_RS_S_z [m s^-2]";
+    let imu = format!("#timestamp [ns],{columns}\n");
+    let leica = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m]\n".to_owned();
+    for (log, folder, header) in [("imu.csv", "imu0", imu), ("prism.csv", "leica0", leica)] {
+        let table = fs::read_to_string(drive.join(log)).unwrap();
+        let mut text = header;
+        for row in table.lines().skip(1) {
+            let (time_s, rest) = row.split_once(',').unwrap();
+            let time_ns =
+                (time_s.parse::<f64>().unwrap() * 1e9).round() as i64 + 1_400_000_000_000_000_000;
+            let _ = writeln!(text, "{time_ns},{rest}");
+        }
+        let folder = to.join("mav0").join(folder);
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join("data.csv"), text).unwrap();
+        fs::write(folder.join("sensor.yaml"), "# a sensor\nsensor_type: any\n").unwrap();
+    }
+}
+
+#[test]
+fn a_euroc_folder_gives_a_trajectory_with_nothing_but_the_advice_of_the_terminal() {
+    let (temp, drive) = simulated();
+    let folder = temp.path().join("MH_01");
+    write_euroc(&drive, &folder);
+    let made = init(&folder);
+    assert_eq!(made.code, 0, "{}", made.err);
+    for line in [
+        "mav0/imu0/data.csv: the samples of an IMU: [imu]",
+        "mav0/leica0/data.csv: the positions of a prism: [prism]",
+        "mav0/imu0/sensor.yaml: nothing: ",
+        "Fill in the values that the files do not give: lever_arm_m, [[scanner]].",
+        "No file is a recording of a scanner.",
+    ] {
+        assert!(made.out.contains(line), "{line}: {}", made.out);
+    }
+    let advice = made
+        .out
+        .lines()
+        .find_map(|line| line.split_once("boresight trajectory "));
+    let project = Path::new(advice.unwrap().1);
+    // The lever arm is the value to fill in.
+    rewrite(project, |text| {
+        text.replace("# lever_arm_m =  ", "lever_arm_m = [0.1, 0.05, -0.55] ")
+    });
+    let run = boresight(&["trajectory", project.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let written = names(&folder.join("out"));
+    assert!(
+        written.contains(&"trajectory.csv".to_owned()),
+        "{written:?}"
+    );
+    let looked = boresight(&["inspect", folder.join("mav0").to_str().unwrap()]);
+    assert_eq!(looked.code, 0, "{}", looked.err);
+    assert!(
+        looked.out.contains("imu0/data.csv: the samples of an IMU"),
+        "{}",
+        looked.out
+    );
+}
+
+#[test]
+fn logs_and_trajectories_without_a_scanner_are_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let polar = "time_s,slope_distance_m,horizontal_deg,vertical_deg\n10,5,0,90\n11,5,1,90\n";
+    fs::write(folder.path().join("station.csv"), polar).unwrap();
+    let made = init(folder.path());
+    assert_eq!(made.code, 0, "{}", made.err);
+    for key in [
+        "lever_arm_m",
+        "station_m",
+        "[imu], or [trajectory]",
+        "[[scanner]]",
+    ] {
+        assert!(made.out.contains(key), "{key}: {}", made.out);
+    }
+    let text = fs::read_to_string(folder.path().join("project.toml")).unwrap();
+    assert!(text.contains("# station_orientation_deg"), "{text}");
+
+    let kitti = tempfile::tempdir().unwrap();
+    fs::write(kitti.path().join("times.txt"), "0.0\n0.1\n0.2\n").unwrap();
+    let rows = (0..3).map(|i| format!("1 0 0 0 0 1 0 0 0 0 1 {i}\n"));
+    fs::write(kitti.path().join("poses.txt"), rows.collect::<String>()).unwrap();
+    let made = init(kitti.path());
+    assert_eq!(made.code, 0, "{}", made.err);
+    assert!(
+        made.out.contains("poses.txt: poses: [trajectory]; 3 rows"),
+        "{}",
+        made.out
+    );
+    let project = Project::read(&kitti.path().join("project.toml")).unwrap();
+    assert!(matches!(project.motion, Motion::Poses(_)));
+}
+
+#[test]
+fn a_log_with_an_unknown_header_is_not_the_reference() {
+    let (_temp, drive) = simulated();
+    fs::remove_file(drive.join("project.toml")).unwrap();
+    rewrite(&drive.join("prism.csv"), |text| {
+        text.replace(
+            "time_s,east_m,north_m,up_m",
+            "Zeit,Rechtswert,Hochwert,Hoehe",
+        )
+    });
+    let made = init(&drive);
+    assert_eq!(made.code, 0, "{}", made.err);
+    let advice = "prism.csv: nothing yet: it begins with a time that increases from row to row, as a log does, and its \
+                  header is not known; name the columns of positions time_s, east_m, north_m, up_m.";
+    assert!(made.out.contains(advice), "{}", made.out);
+    let text = fs::read_to_string(drive.join("project.toml")).unwrap();
+    assert!(!text.contains("[reference]"), "{text}");
+    // The advice is enough.
+    rewrite(&drive.join("prism.csv"), |text| {
+        text.replace(
+            "Zeit,Rechtswert,Hochwert,Hoehe",
+            "time_s,east_m,north_m,up_m",
+        )
+    });
+    let again = boresight(&["init", "--force", drive.to_str().unwrap()]);
+    assert!(
+        again
+            .out
+            .contains("prism.csv: the positions of a prism: [prism]"),
+        "{}",
+        again.out
+    );
+    // A table of points remains a reference.
+    let cloud = "x,y,z\n0,0,0\n0,1,0\n1,0,0\n";
+    fs::write(drive.join("scan.csv"), cloud).unwrap();
+    boresight(&["init", "--force", drive.to_str().unwrap()]);
+    let text = fs::read_to_string(drive.join("project.toml")).unwrap();
+    assert!(text.contains("[reference]\nfile = \"scan.csv\""), "{text}");
+}
+
+#[test]
+fn two_drives_in_one_folder_are_not_four_scanners() {
+    let (_temp, drive) = simulated();
+    fs::remove_file(drive.join("project.toml")).unwrap();
+    let field = drive.parent().unwrap();
+    let second = field.join("drive-2");
+    fs::create_dir(&second).unwrap();
+    for name in names(&drive)
+        .iter()
+        .filter(|name| drive.join(name).is_file())
+    {
+        fs::copy(drive.join(name), second.join(name)).unwrap();
+    }
+    let run = init(field);
+    let [first, other] =
+        [&drive, &second].map(|folder| format!("boresight init {}", folder.display()));
+    run.assert_failed_with(&[
+        "holds the files of 2 drives",
+        &first,
+        &other,
+        "[[evaluation]]",
+    ]);
+    assert!(!field.join("project.toml").exists());
+    assert_eq!(init(&drive).code, 0);
+
+    // All files in one folder, under names of their own, and a day apart.
+    for name in ["imu.csv", "prism.csv", "heading.csv"] {
+        rewrite(&second.join(name), |text| {
+            let later = |row: &str| {
+                let (time_s, rest) = row.split_once(',').unwrap();
+                format!("{},{rest}\n", time_s.parse::<f64>().unwrap() + 86400.0)
+            };
+            let (header, rows) = text.split_once('\n').unwrap();
+            format!("{header}\n{}", rows.lines().map(later).collect::<String>())
+        });
+        fs::rename(second.join(name), drive.join(format!("second_{name}"))).unwrap();
+    }
+    // Profiles as tables, whose times are written as they are.
+    for (name, start_s) in [("first_scan.csv", 36010.0), ("second_scan.csv", 122410.0)] {
+        let rows = (0..100).map(|i| format!("{},0.1,1.0\n", start_s + 0.1 * f64::from(i)));
+        fs::write(
+            drive.join(name),
+            format!("time_s,x_m,z_m\n{}", rows.collect::<String>()),
+        )
+        .unwrap();
+    }
+    for name in ["left.bin", "right.bin"] {
+        fs::remove_file(drive.join(name)).unwrap();
+    }
+    let run = boresight(&["init", "--force", drive.to_str().unwrap()]);
+    run.assert_failed_with(&[
+        "holds the files of 2 drives",
+        "second_scan.csv",
+        "move the files of each drive into a folder of its own",
+    ]);
+}
+
+#[test]
+fn inspect_lists_the_files_of_a_folder() {
+    let (_temp, drive) = simulated();
+    let field = drive.parent().unwrap();
+    let run = boresight(&["inspect", field.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    for line in [
+        "drive-1/imu.csv: the samples of an IMU: [imu]; ",
+        "drive-1/left.bin: the profiles of a [[scanner]]; 23286 rows, 36",
+        "drive-1/project.toml: a project",
+        "tls.laz: a cloud: [reference]",
+        "a project of these files: boresight init ",
+    ] {
+        assert!(run.out.contains(line), "{line}: {}", run.out);
+    }
+    let json = boresight(&["inspect", "--json", field.to_str().unwrap()]);
+    let document: serde_json::Value = serde_json::from_str(&json.out).unwrap();
+    assert_eq!(document["files"][0]["format"], "folder");
+    assert_eq!(
+        document["files"][0]["files"][0]["serves"],
+        "headings: [heading]"
+    );
+    // A folder with a project is that project.
+    let project = boresight(&["inspect", drive.to_str().unwrap()]);
+    assert!(
+        project.out.contains("what `boresight run` will do"),
+        "{}",
+        project.out
+    );
+}
