@@ -61,7 +61,7 @@ impl Inspect {
     }
 }
 
-/// Adds contradictions in the logs of a project to `verdicts`.
+/// Adds the verdicts on a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
     if file.is_dir() && !file.join("project.toml").is_file() {
         return folder(file);
@@ -84,18 +84,20 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
     let project = Project::read(file)?;
     project.check_files()?;
     let resolved: Value = toml::from_str(&project.to_toml()?).map_err(unprintable)?;
-    let contradictions = pipeline::stages::preflight(&project)?;
+    let preview = pipeline::preview::preview(&project)?;
     let mut document = json!({
         "path": file.display().to_string(),
         "format": "project",
         "project": resolved,
         "steps": describe::steps(&project),
+        "found": serde_json::to_value(&preview).map_err(unprintable)?,
     });
-    if !contradictions.is_empty() {
-        pipeline::result::judge(&mut document, &contradictions);
-        verdicts.extend(contradictions);
+    let text = describe::project(&project) + &describe::preview(&preview);
+    if !preview.verdicts.is_empty() {
+        pipeline::result::judge(&mut document, &preview.verdicts);
+        verdicts.extend(preview.verdicts);
     }
-    Ok((document, describe::project(&project)))
+    Ok((document, text))
 }
 
 /// Lists the files of a folder, and what each can serve as.

@@ -34,6 +34,7 @@ mod page;
 mod placed;
 mod placement;
 mod poses;
+pub mod preview;
 mod profiles;
 mod program;
 mod recorded;

@@ -3,6 +3,7 @@
 mod joint;
 mod lines;
 mod motion;
+mod preview;
 
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,7 @@ use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{BodyAxes, BodyFromScanner, EulerConvention};
 use crate::project::{Motion, Project, Scanner};
 use lines::{Lines, millimetres, short, vector};
+pub(super) use preview::preview;
 
 /// Describes a `calibration.toml`, as a document and as text.
 pub(super) fn mountings(path: &Path, scanners: &[(String, BodyFromScanner)]) -> (Value, String) {

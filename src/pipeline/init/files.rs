@@ -159,7 +159,7 @@ impl SortedFiles {
                 }
                 found.serves = match (inspection, format.id()) {
                     (Some(Err(error)), _) => self.cannot_read(error),
-                    (_, "project") => "a project: boresight inspect or run".to_owned(),
+                    (_, "project") => "a project file, not data".to_owned(),
                     (_, "bonn-mounting") => match format::read_mounting(input) {
                         Ok(mounting) => {
                             self.mountings.push((path, mounting));

@@ -110,7 +110,7 @@ impl SortedFiles {
             self.scanner(&mut made, profiles, &plain, &name);
             names.push(name);
         }
-        self.posed_scanners(&mut made, &mut names);
+        self.posed_scanner(&mut made, &mut names);
         if !has_scanner {
             made.misses("[[scanner]]");
             made.is_trajectory_only = self.recordings.is_empty();
@@ -127,7 +127,7 @@ impl SortedFiles {
             list_as_comment(&mut made.text, "other clouds", further);
         }
         list_as_comment(&mut made.text, "files of unknown formats", &self.unknown);
-        for error in &self.unread {
+        for error in &made.unread.clone() {
             made.text += &format!("# not read: {}\n", error.replace('\n', " "));
         }
         made
@@ -138,33 +138,47 @@ impl SortedFiles {
         if self.posed.is_empty() {
             return self.poses.clone();
         }
-        self.posed.iter().map(|(path, _)| path.clone()).collect()
+        self.posed_of_one_sensor()
     }
 
-    /// The scanners of LAS with the sensor's pose at every point: one if the files follow each other in time, as strips do,
-    /// and else one for each file.
-    fn posed_scanners(&self, made: &mut NewProject, names: &mut Vec<String>) {
+    /// The LAS files with the sensor's pose at every point that follow each other in time, as the strips of one sensor do.
+    fn posed_of_one_sensor(&self) -> Vec<PathBuf> {
         let mut by_time: Vec<&(PathBuf, [f64; 2])> = self.posed.iter().collect();
         by_time.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-        let follow = by_time.windows(2).all(|pair| pair[0].1[1] < pair[1].1[0]);
-        let paths: Vec<PathBuf> = by_time.iter().map(|(path, _)| path.clone()).collect();
-        let scanners = if follow {
-            paths.chunks(paths.len().max(1))
-        } else {
-            paths.chunks(1)
+        let mut end_s = f64::NEG_INFINITY;
+        by_time.retain(|(_, [first_s, last_s])| {
+            let follows = *first_s > end_s;
+            end_s = end_s.max(*last_s);
+            follows
+        });
+        by_time.into_iter().map(|(path, _)| path.clone()).collect()
+    }
+
+    /// The scanner of LAS with the sensor's pose at every point.
+    fn posed_scanner(&self, made: &mut NewProject, names: &mut Vec<String>) {
+        let files = self.posed_of_one_sensor();
+        let Some(first) = files.first() else {
+            return;
         };
-        for files in scanners {
-            let name = free_name(&scanner_name(&files[0]), names);
-            let _ = write!(
-                made.text,
-                "\n[[scanner]]\nname = {}\nprofiles = {}\n\
-                 # the poses of the file are those of the scanner itself\n\
-                 translation_m = [0.0, 0.0, 0.0]\nrotation_deg = [0.0, 0.0, 0.0]\n",
-                quoted(&name),
-                list_of(files)
-            );
-            names.push(name);
-        }
+        let name = free_name(&scanner_name(first), names);
+        let _ = write!(
+            made.text,
+            "\n[[scanner]]\nname = {}\nprofiles = {}\n\
+             # the poses of the file are those of the scanner itself\n\
+             translation_m = [0.0, 0.0, 0.0]\nrotation_deg = [0.0, 0.0, 0.0]\n",
+            quoted(&name),
+            list_of(&files)
+        );
+        names.push(name);
+        let others = self.posed.iter().filter(|(path, _)| !files.contains(path));
+        made.unread.extend(others.map(|(path, _)| {
+            format!(
+                "{}: it has poses of another sensor at the same time as {}, and a project has those of one: make a project \
+                 of it in a folder of its own",
+                path.display(),
+                first.display()
+            )
+        }));
     }
 
     fn logs(&self, made: &mut NewProject) {

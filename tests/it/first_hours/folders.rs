@@ -4,7 +4,12 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use boresight::project::{Motion, Project};
+use boresight::format::{
+    CloudShape, CloudWriter, ExtraDimension, ExtraKind, ExtraValue, open_profiles, read_trajectory,
+};
+use boresight::geometry::{BodyFromScanner, Vec3};
+use boresight::project::{Motion, Project, mountings};
+use boresight::trajectory::Trajectory;
 
 use crate::common::{Run, boresight, names, rewrite, simulated};
 
@@ -73,6 +78,86 @@ fn a_euroc_folder_gives_a_trajectory_with_nothing_but_the_advice_of_the_terminal
         "{}",
         looked.out
     );
+}
+
+/// Writes the points of a scanner as LAS with the sensor's pose at every point, of those before or after a time.
+fn write_posed(drive: &Path, scanner: usize, to: &Path, is_in: impl Fn(f64) -> bool) {
+    let project = Project::read(&drive.join("project.toml")).unwrap();
+    let trajectory = read_trajectory(&drive.join("truth/trajectory.csv")).unwrap();
+    let trajectory = Trajectory::new(trajectory).unwrap();
+    let names = [
+        "SensorX",
+        "SensorY",
+        "SensorZ",
+        "SensorRollRads",
+        "SensorPitchRads",
+        "SensorYawRads",
+    ];
+    let shape = CloudShape {
+        has_time: true,
+        dimensions: names
+            .map(|name| ExtraDimension::new(name, ExtraKind::F64, ""))
+            .into(),
+        ..CloudShape::default()
+    };
+    let mut writer = CloudWriter::around(to, Vec3::zeros(), &shape).unwrap();
+    let scanner = &project.scanners[scanner];
+    let mut reader = open_profiles(&scanner.profiles[0]).unwrap();
+    let mut chunk = Vec::new();
+    while reader.next_chunk(&mut chunk).unwrap() {
+        for point in chunk.iter().filter(|point| is_in(point.time_s)) {
+            let Some(body) = trajectory.pose_at(point.time_s) else {
+                continue;
+            };
+            let place = body.map(&scanner.body_from_scanner.map(&point.position_m));
+            let sensor = body.map(&scanner.body_from_scanner.translation_m);
+            let turn = body.rotation * scanner.body_from_scanner.rotation;
+            let (roll, pitch, yaw) = turn.euler_angles();
+            let values = [sensor.x, sensor.y, sensor.z, roll, pitch, yaw].map(ExtraValue::Number);
+            writer
+                .write_with(&place, point.time_s, point.intensity, 0, &values)
+                .unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn las_with_the_pose_of_the_sensor_is_a_whole_project() {
+    let (temp, drive) = simulated();
+    let folder = temp.path().join("strips");
+    fs::create_dir(&folder).unwrap();
+    // Two strips of one sensor, and another sensor.
+    write_posed(&drive, 0, &folder.join("a.las"), |time_s| time_s < 36030.0);
+    write_posed(&drive, 0, &folder.join("b.las"), |time_s| time_s >= 36030.0);
+    write_posed(&drive, 1, &folder.join("c.las"), |_| true);
+    fs::copy(drive.join("../tls.laz"), folder.join("tls.laz")).unwrap();
+    let made = init(&folder);
+    assert_eq!(made.code, 0, "{}", made.err);
+    for line in [
+        "a.las: profiles and poses, [[scanner]] and [trajectory]",
+        "Everything that a run needs was found.",
+        "c.las: it has poses of another sensor at the same time as a.las",
+    ] {
+        assert!(made.out.contains(line), "{line}: {}", made.out);
+    }
+    let advice = made
+        .out
+        .lines()
+        .find_map(|line| line.split_once("boresight inspect "));
+    let project = advice.unwrap().1;
+    let looked = boresight(&["inspect", project]);
+    assert_eq!(looked.code, 0, "{}", looked.err);
+    assert!(!looked.out.contains("result: not usable"), "{}", looked.out);
+    assert!(looked.out.contains("scanner a"), "{}", looked.out);
+    let run = boresight(&["run", project]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let mounted = mountings(&folder.join("out/calibration.toml"))
+        .unwrap()
+        .scanners;
+    // The simulated mounting is off by some centimetres and degrees.
+    let (turn, shift) = mounted[0].1.perturbation_from(&BodyFromScanner::identity());
+    assert!(turn.norm() < 0.1 && shift.norm() < 0.2, "{turn} {shift}");
 }
 
 #[test]
@@ -214,7 +299,7 @@ fn inspect_lists_the_files_of_a_folder() {
     for line in [
         "drive-1/imu.csv: the samples of an IMU: [imu]; ",
         "drive-1/left.bin: the profiles of a [[scanner]]; 23286 rows, 36",
-        "drive-1/project.toml: a project",
+        "drive-1/project.toml: a project file",
         "tls.laz: a cloud: [reference]",
         "a project of these files: boresight init ",
     ] {

@@ -2,4 +2,5 @@
 
 mod ended_early;
 mod folders;
+mod preview;
 mod utm;

@@ -1,4 +1,4 @@
-//! The verdict on a run that ended with an error.
+//! Verdicts on runs that end with an error.
 
 use crate::error::Error;
 use crate::verdict::Verdict;
@@ -10,5 +10,14 @@ pub fn early(error: &Error) -> Verdict {
     Verdict::care(
         "run.error",
         format!("The run ended early, and later results are missing: {problem}"),
+    )
+}
+
+/// The verdict on a project with which a run would end with this error.
+pub fn would(error: &Error) -> Verdict {
+    let text = error.to_string().replace("\n  remedy:", " Remedy:");
+    Verdict::fault(
+        "run.error",
+        format!("A run would end with this error: {text}"),
     )
 }

@@ -20,10 +20,12 @@ mod truth;
 pub use agreement::verdicts as agreement;
 pub use constancy::verdict as constancy;
 pub use drift::verdicts as drift;
-pub use ended::early as ended_early;
+pub use ended::{early as ended_early, would as would_end};
 pub use logs::consistent as consistent_logs;
 pub use method::verdicts as method;
-pub use placement::{far_starts, newer_calibration, placed, unusable_calibration};
+pub use placement::{
+    far_starts, first as first_placement, newer_calibration, placed, unusable_calibration,
+};
 pub use precision::{observability, relative, unobservable};
 pub use recording::verdicts as recording;
 pub use reference::{disagreements, included as reference_sigmas};

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use crate::calibration::{Mounting, Reach};
+use crate::number;
 use crate::verdict::{Verdict, capitalised};
 
 /// The verdicts on start values that are far from the mountings of the project.
@@ -23,6 +24,25 @@ pub fn far_starts(project: &[Mounting], start: &[Mounting]) -> Vec<Verdict> {
         Verdict::care("mounting.start", text).with_value(turn, None)
     });
     verdicts.collect()
+}
+
+/// The verdict on clouds that contradict nothing in their first placement and lie this far apart, metres; `None` if too
+/// little is seen twice.
+pub fn first(apart_m: Option<f64>) -> Verdict {
+    match apart_m {
+        Some(apart_m) => {
+            let text = format!(
+                "Placed with the project's mountings, scans of the same ground lie {} apart, as near as rough mountings \
+                 place them.",
+                number::length(apart_m)
+            );
+            Verdict::good("placement.consistent", text).with_value(apart_m, None)
+        }
+        None => Verdict::care(
+            "placement.unseen",
+            "Too little ground is seen twice to tell whether files, mountings and clocks belong together.",
+        ),
+    }
 }
 
 /// The code of verdicts on the mountings of clouds.

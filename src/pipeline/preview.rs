@@ -1,0 +1,182 @@
+//! What a run will find, as far as it can be seen within seconds: counts, overlaps, and the verdicts on the logs and on
+//! the first placement of the scans. Nothing is calibrated and nothing is written.
+
+use std::sync::Mutex;
+
+use serde::Serialize;
+
+use super::origin::with_origin;
+use super::rig::Rig;
+use super::stages::{self, EstimatedPoses};
+use super::start;
+use crate::calibration::ScannerSample;
+use crate::error::Result;
+use crate::geometry::Vec3;
+use crate::judgement;
+use crate::preflight::{Placement, scans};
+use crate::progress::Progress;
+use crate::project::{Motion, Project};
+use crate::verdict::{Severity, Verdict};
+
+/// What was found about the inputs of a run.
+#[derive(Debug, Default, Serialize)]
+pub struct Preview {
+    /// The poses; `None` if a fault of the logs keeps them from meaning anything.
+    pub trajectory: Option<PosesFound>,
+    /// In the order of the project; empty without a trajectory.
+    pub scanners: Vec<ScanFound>,
+    /// Number of points of the reference.
+    pub reference_points: usize,
+    /// Warnings of the stages.
+    pub warnings: Vec<String>,
+    /// What was not looked at, with the reason.
+    pub not_seen: Vec<String>,
+    /// The verdicts.
+    #[serde(skip)]
+    pub verdicts: Vec<Verdict>,
+}
+
+/// Poses.
+#[derive(Debug, Serialize)]
+pub struct PosesFound {
+    /// Number of poses.
+    pub poses: usize,
+    /// First and last time, seconds.
+    pub span_s: [f64; 2],
+}
+
+/// The scans of a scanner.
+#[derive(Debug, Serialize)]
+pub struct ScanFound {
+    /// Name of the scanner.
+    pub name: String,
+    /// Number of laser points.
+    pub points: u64,
+    /// Number of those at times without a pose.
+    pub outside: u64,
+    /// First and last time of the profiles on the trajectory, seconds; `None` without one.
+    pub span_s: Option<[f64; 2]>,
+}
+
+/// Looks at the logs, the trajectory, the scans and their first placement, as a run does before it calibrates. An error
+/// with which a run would end after it read the logs is a verdict.
+///
+/// # Errors
+/// The logs cannot be read or are refused.
+pub fn preview(project: &Project) -> Result<Preview> {
+    let heard = Heard::default();
+    let project = &in_seconds(with_origin(project, &heard));
+    let mut found = Preview {
+        verdicts: stages::preflight(project)?,
+        ..Preview::default()
+    };
+    let others = project.drives.iter().chain(&project.evaluations);
+    let others = others.map(|drive| format!("drive {}: inspect its project", drive.name));
+    found.not_seen.extend(others);
+    let is_fault = |verdict: &Verdict| verdict.severity == Severity::Fault;
+    if found.verdicts.iter().any(is_fault) {
+        let reason = "the scans: the logs have a fault, and the poses would mean nothing";
+        found.not_seen.push(reason.to_owned());
+    } else if let Err(error) = found.poses_and_scans(project, &heard) {
+        found.verdicts.push(judgement::would_end(&error));
+    }
+    found.warnings = heard.0.into_inner().unwrap_or_default();
+    judgement::attention_first(&mut found.verdicts);
+    Ok(found)
+}
+
+/// The project with poses at the position fixes alone and its own constants: poses at every sample of the IMU and constants
+/// that are estimated take minutes, and matter less than the rough mountings of a first placement.
+fn in_seconds(mut project: Project) -> Project {
+    if let Motion::Logs(logs) = &mut project.motion {
+        logs.settings.nodes = Default::default();
+        logs.settings.estimate.clear();
+    }
+    project.is_joint = false;
+    project
+}
+
+impl Preview {
+    fn poses_and_scans(&mut self, project: &Project, heard: &Heard) -> Result<()> {
+        let poses = stages::poses(project, heard)?;
+        let (first_s, last_s) = poses.trajectory().span_s();
+        self.trajectory = Some(PosesFound {
+            poses: poses.trajectory().poses().len(),
+            span_s: [first_s, last_s],
+        });
+        let doubts = poses.poses.doubts.iter().map(judgement::doubt);
+        self.verdicts.extend(doubts);
+        if project.scanners.is_empty() {
+            return Ok(());
+        }
+        self.scans(project, &poses, heard)
+    }
+
+    fn scans(&mut self, project: &Project, poses: &EstimatedPoses, heard: &Heard) -> Result<()> {
+        let trajectory = poses.trajectory();
+        let reference = stages::reference(project, heard)?;
+        self.reference_points = reference.len();
+        let rig = start::with_scales(project, &Rig::new(project), trajectory, heard)?;
+        let samples = stages::samples(project, &rig, trajectory, heard)?;
+        let named = project.scanners.iter().zip(&samples);
+        self.scanners = named
+            .map(|(scanner, sample)| scan_found(&scanner.name, sample))
+            .collect();
+        stages::check_reference(project, &rig, &samples, &reference)?;
+        let start = start::start(project, &rig, trajectory, &samples, &reference, heard);
+        let contradicts = start
+            .verdicts
+            .iter()
+            .any(|verdict| verdict.severity.is_marked());
+        self.verdicts.extend(start.verdicts);
+        if !contradicts {
+            self.verdicts
+                .push(placement(&start.rig, &samples, poses, &reference));
+        }
+        Ok(())
+    }
+}
+
+/// Keeps the warnings of the stages.
+#[derive(Default)]
+struct Heard(Mutex<Vec<String>>);
+
+impl Progress for Heard {
+    fn begin(&self, _stage: &str, _total: u64) {}
+    fn advance(&self, _units: u64) {}
+    fn end(&self) {}
+    fn say(&self, _message: &str) {}
+    fn warn(&self, message: &str) {
+        if let Ok(mut warnings) = self.0.lock() {
+            warnings.push(message.to_owned());
+        }
+    }
+    fn verdict(&self, _text: &str) {}
+}
+
+/// The verdict on a first placement that contradicts nothing: it may also show nothing.
+fn placement(
+    rig: &Rig,
+    samples: &[ScannerSample],
+    poses: &EstimatedPoses,
+    reference: &[Vec3],
+) -> Verdict {
+    let placed = scans(&Placement {
+        mountings: &rig.mountings,
+        samples,
+        trajectory: poses.trajectory(),
+        reference,
+    });
+    judgement::first_placement(placed.apart_m())
+}
+
+fn scan_found(name: &str, sample: &ScannerSample) -> ScanFound {
+    let first = sample.profiles.first();
+    let span_s = first.zip(sample.profiles.last());
+    ScanFound {
+        name: name.to_owned(),
+        points: sample.read,
+        outside: sample.outside,
+        span_s: span_s.map(|(first, last)| [first.time_s, last.time_s]),
+    }
+}
