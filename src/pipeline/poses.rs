@@ -205,6 +205,30 @@ fn poses_from_logs(
     })
 }
 
+/// The poses that follow from the logs within seconds: at the position fixes, and without estimating or testing constants;
+/// or the poses of a file.
+///
+/// # Errors
+/// See [`poses`].
+pub fn rough_poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
+    let Motion::Logs(files) = &project.motion else {
+        return Ok(poses(project, progress)?.poses);
+    };
+    let mut logs = DriveLogs::read(project, files, progress)?;
+    logs.settings.nodes = Default::default();
+    logs.settings.estimate.clear();
+    let preflight = correct_faults(&mut logs, files)?;
+    let estimate = estimate(&logs.motion(), &logs.settings, progress)?;
+    Ok(Poses {
+        trajectory: estimate.trajectory.with_limits(project.limits)?,
+        solution: Some(estimate.solution),
+        rejected_rows: logs.rejected,
+        seconds: None,
+        doubts: Vec::new(),
+        preflight,
+    })
+}
+
 /// The verdicts on the raw logs of a project, including one that they are consistent, without an adjustment; empty if
 /// the project has poses.
 ///

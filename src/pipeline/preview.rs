@@ -7,15 +7,17 @@ use serde::Serialize;
 
 use super::origin::with_origin;
 use super::rig::Rig;
-use super::stages::{self, EstimatedPoses};
+use super::stages::{self, Poses};
 use super::start;
 use crate::calibration::ScannerSample;
+use crate::diagnostics::PoseSigmas;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::judgement;
 use crate::preflight::{Placement, scans};
 use crate::progress::Progress;
-use crate::project::{Motion, Project};
+use crate::project::Project;
+use crate::trajectory::Trajectory;
 use crate::verdict::{Severity, Verdict};
 
 /// What was found about the inputs of a run.
@@ -65,7 +67,7 @@ pub struct ScanFound {
 /// The logs cannot be read or are refused.
 pub fn preview(project: &Project) -> Result<Preview> {
     let heard = Heard::default();
-    let project = &in_seconds(with_origin(project, &heard));
+    let project = &with_origin(project, &heard);
     let mut found = Preview {
         verdicts: stages::preflight(project)?,
         ..Preview::default()
@@ -85,35 +87,35 @@ pub fn preview(project: &Project) -> Result<Preview> {
     Ok(found)
 }
 
-/// The project with poses at the position fixes alone and its own constants: poses at every sample of the IMU and constants
-/// that are estimated take minutes, and matter less than the rough mountings of a first placement.
-fn in_seconds(mut project: Project) -> Project {
-    if let Motion::Logs(logs) = &mut project.motion {
-        logs.settings.nodes = Default::default();
-        logs.settings.estimate.clear();
-    }
-    project.is_joint = false;
-    project
-}
-
 impl Preview {
     fn poses_and_scans(&mut self, project: &Project, heard: &Heard) -> Result<()> {
-        let poses = stages::poses(project, heard)?;
-        let (first_s, last_s) = poses.trajectory().span_s();
+        let Poses {
+            trajectory,
+            solution,
+            ..
+        } = stages::rough_poses(project, heard)?;
+        let (first_s, last_s) = trajectory.span_s();
         self.trajectory = Some(PosesFound {
-            poses: poses.trajectory().poses().len(),
+            poses: trajectory.poses().len(),
             span_s: [first_s, last_s],
         });
-        let doubts = poses.poses.doubts.iter().map(judgement::doubt);
-        self.verdicts.extend(doubts);
+        if let Some(solution) = &solution {
+            let constants = "constants such as lever arms and latencies, which a run tests";
+            self.not_seen.push(constants.to_owned());
+            let verdicts =
+                judgement::trajectory(solution, PoseSigmas::of(trajectory.poses()).as_ref());
+            let marked = verdicts
+                .into_iter()
+                .filter(|verdict| verdict.severity.is_marked());
+            self.verdicts.extend(marked);
+        }
         if project.scanners.is_empty() {
             return Ok(());
         }
-        self.scans(project, &poses, heard)
+        self.scans(project, &trajectory, heard)
     }
 
-    fn scans(&mut self, project: &Project, poses: &EstimatedPoses, heard: &Heard) -> Result<()> {
-        let trajectory = poses.trajectory();
+    fn scans(&mut self, project: &Project, trajectory: &Trajectory, heard: &Heard) -> Result<()> {
         let reference = stages::reference(project, heard)?;
         self.reference_points = reference.len();
         let rig = start::with_scales(project, &Rig::new(project), trajectory, heard)?;
@@ -131,7 +133,7 @@ impl Preview {
         self.verdicts.extend(start.verdicts);
         if !contradicts {
             self.verdicts
-                .push(placement(&start.rig, &samples, poses, &reference));
+                .push(placement(&start.rig, &samples, trajectory, &reference));
         }
         Ok(())
     }
@@ -158,13 +160,13 @@ impl Progress for Heard {
 fn placement(
     rig: &Rig,
     samples: &[ScannerSample],
-    poses: &EstimatedPoses,
+    trajectory: &Trajectory,
     reference: &[Vec3],
 ) -> Verdict {
     let placed = scans(&Placement {
         mountings: &rig.mountings,
         samples,
-        trajectory: poses.trajectory(),
+        trajectory,
         reference,
     });
     judgement::first_placement(placed.apart_m())

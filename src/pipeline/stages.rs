@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-pub use super::poses::{EstimatedPoses, Poses, poses, preflight};
+pub use super::poses::{EstimatedPoses, Poses, poses, preflight, rough_poses};
 use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
 use super::rig::Rig;
 use crate::calibration::{
