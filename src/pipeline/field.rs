@@ -86,7 +86,7 @@ pub fn field(
         verdicts: verdicts.clone(),
         ..Content::default()
     };
-    job.write(PAGE, &report::render(&content))?;
+    job.write(PAGE, report::render(&content))?;
     job.commit()?;
     let mut result = json!({
         "points": tiles.iter().map(|tile| tile.points).sum::<u64>(),
