@@ -243,6 +243,7 @@ fn command(
             out: out.unwrap_or_else(|| project_file(&project).with_file_name("out")),
             seed: None,
             fresh,
+            kept: Vec::new(),
         };
         if name == "georeference" {
             let project = Project::read(&project_file(&project))?;
@@ -307,6 +308,7 @@ fn simulate(
             out,
             seed,
             fresh: false,
+            kept: Vec::new(),
         };
         pipeline::simulate(Scenario::load(&scenario)?, &options, progress).map(parts)
     })

@@ -24,6 +24,8 @@ pub const PAGE: &str = "campaign.html";
 pub const LIST: &str = "campaign.json";
 /// The index of the tiles.
 pub const INDEX: &str = "index.parquet";
+/// The results of a campaign as a whole.
+pub const RESULTS: [&str; 3] = [PAGE, LIST, INDEX];
 
 /// Reads the results of the items from `out` and writes the index, the list and the page there. Failures of items that
 /// are no longer planned, because their inputs have changed, are removed.
@@ -31,8 +33,7 @@ pub const INDEX: &str = "index.parquet";
 /// # Errors
 /// A result that cannot be read, a file that cannot be written.
 pub fn conclude(campaign: &Campaign, items: &[Item], out: &Path) -> Result<Outcome> {
-    let names = [PAGE, LIST, INDEX];
-    let staging = Staging::new(out, std::slice::from_ref(&campaign.path), &names)?;
+    let staging = Staging::new(out, std::slice::from_ref(&campaign.path), &RESULTS)?;
     let mut page = CampaignPage {
         title: campaign.title.clone(),
         made_s: Some(pipeline::now_s()),

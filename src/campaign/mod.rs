@@ -16,7 +16,7 @@ mod share;
 mod template;
 mod work;
 
-pub use conclude::conclude;
+pub use conclude::{RESULTS, conclude};
 pub use hashes::hashes;
 pub use item::{ContentHash, Failure, InputFile, Item, Kind, MountingsFrom, ProjectText, Task};
 pub use listing::Listing;

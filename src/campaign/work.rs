@@ -38,6 +38,7 @@ pub fn work(
         out: folder.clone(),
         seed: None,
         fresh: false,
+        kept: Vec::new(),
     };
     let done = results(item, root, out, &options, memory_bytes, progress);
     let mut result = done.inspect_err(|_| {

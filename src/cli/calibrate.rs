@@ -53,7 +53,7 @@ impl Calibrate {
                     None => project,
                 };
                 let outcome = pipeline::calibrate(project, options, progress)?;
-                printer.print(&page, outcome)
+                printer.print(&page, &options.kept, outcome)
             })
         })
     }

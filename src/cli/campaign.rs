@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::context::{Context, out_folder};
+use super::context::{Context, Force, out_folder};
 use crate::campaign::{
-    Campaign as Settings, Failure, Item, Listing, Pool, Share, conclude, hashes, work,
+    Campaign as Settings, Failure, Item, Listing, Pool, RESULTS, Share, conclude, hashes, work,
 };
 use crate::error::{Error, Location, Result};
+use crate::output::refuse_kept;
 use crate::pipeline::Outcome;
 use crate::progress::Progress;
 use crate::tiles::{free_bytes, limit_memory};
@@ -31,6 +32,8 @@ pub(super) struct Campaign {
     /// Memory of each item; an item that needs more fails [default: an even share of the free memory]
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Campaign {
@@ -40,7 +43,10 @@ impl Campaign {
         let out = out_folder(&self.out, &campaign.path);
         let out = std::path::absolute(&out).map_err(|error| Error::io(&out, error))?;
         let mut is_complete = true;
-        let outcome = context.logged(&out, std::slice::from_ref(&campaign.path), |_| {
+        let inputs = std::slice::from_ref(&campaign.path);
+        let outcome = context.logged(&out, inputs, self.force, |options| {
+            refuse_kept(&out, &RESULTS, &options.kept)?;
+            context.claim(&out)?;
             let progress: &dyn Progress = &context.terminal;
             let listing = Listing::of_folder(campaign.folder(), &out)?;
             let plan = campaign.plan(&listing)?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::context::{Context, out_folder};
+use super::context::{Context, Force, out_folder};
 use super::pdf::Pdf;
 use super::values::{direction, not_negative, positive};
 use crate::comparison::{Aggregation, ComparisonSettings, Detection};
@@ -73,6 +73,8 @@ pub(super) struct Compare {
     memory_mb: Option<u32>,
     #[command(flatten)]
     pdf: Pdf,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Compare {
@@ -87,9 +89,9 @@ impl Compare {
             settings: self.settings(),
             memory_bytes: self.memory_mb.map(|mb| u64::from(mb) * 1_000_000),
         };
-        context.logged(&out, &comparison.inputs(), |options| {
+        context.logged(&out, &comparison.inputs(), self.force, |options| {
             let outcome = pipeline::compare(&comparison, options, &context.terminal)?;
-            printer.print(&options.out.join("compare.html"), outcome)
+            printer.print(&options.out.join("compare.html"), &options.kept, outcome)
         })
     }
 

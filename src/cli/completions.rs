@@ -6,6 +6,7 @@ use clap::Command;
 use clap_complete::Shell;
 use serde_json::json;
 
+use super::context::Force;
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::pipeline::Outcome;
@@ -41,6 +42,8 @@ pub(super) struct Man {
     /// Folder for the pages, for example `~/.local/share/man/man1`
     #[arg(value_name = "DIR")]
     folder: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Man {
@@ -52,6 +55,7 @@ impl Man {
         let names: Vec<String> = std::iter::once(FIRST_PAGE.to_owned())
             .chain(names)
             .collect();
+        self.force.check(&self.folder, &[], &names)?;
         let staging = Staging::new(&self.folder, &[], &names)?;
         let first = staging.path(FIRST_PAGE);
         let folder = first.parent().unwrap_or(Path::new("."));

@@ -1,8 +1,8 @@
 //! `boresight convert`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use super::context::Context;
+use super::context::{Context, Force};
 use crate::error::Result;
 use crate::geometry::{BodyAxes, Projection};
 use crate::pipeline::{self, Conversion, Outcome};
@@ -30,9 +30,11 @@ pub(super) struct Convert {
     /// The scanner whose mounting goes into a PDAL pipeline
     #[arg(long, value_name = "NAME")]
     scanner: Option<String>,
+    #[command(flatten)]
+    force: Force,
 }
 
-fn axes(text: &str) -> std::result::Result<BodyAxes, String> {
+pub(super) fn axes(text: &str) -> std::result::Result<BodyAxes, String> {
     match text {
         "FRD" => Ok(BodyAxes::Frd),
         "FLU" => Ok(BodyAxes::Flu),
@@ -49,7 +51,14 @@ impl Convert {
             body: self.body.clone(),
             scanner: self.scanner.clone(),
         };
+        let folder = match self.output.parent() {
+            Some(folder) if !folder.as_os_str().is_empty() => folder,
+            _ => Path::new("."),
+        };
+        let name = self.output.file_name().unwrap_or_default();
+        let inputs = std::slice::from_ref(&self.input);
+        self.force.check(folder, inputs, &[name])?;
         pipeline::convert(&self.input, &self.output, &with, &context.terminal)
-            .map_err(|error| error.within(std::slice::from_ref(&self.input)))
+            .map_err(|error| error.within(inputs))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::context::Context;
+use super::context::{Context, Force};
 use super::pdf::Pdf;
 use super::run::Repeat;
 use super::watch::Watch;
@@ -21,16 +21,19 @@ pub(super) struct Demo {
     pdf: Pdf,
     #[command(flatten)]
     watch: Watch,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Demo {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let printer = self.pdf.printer()?;
-        context.logged(&self.out, &[], |options| {
+        context.logged(&self.out, &[], self.force, |options| {
+            context.claim(&options.out)?;
             let page = options.out.join("report.html");
             self.watch.over(&context.terminal, &page, || {
                 let outcome = pipeline::demo(&self.repeat.apply_to(options), &context.terminal)?;
-                printer.print(&page, outcome)
+                printer.print(&page, &options.kept, outcome)
             })
         })
     }

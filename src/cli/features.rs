@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::context::{Context, out_folder};
+use super::context::{Context, Force, out_folder};
 use super::values::positive;
 use crate::cloud::Neighbourhood;
 use crate::cloud::shape::Feature;
@@ -35,6 +35,8 @@ pub(super) struct Features {
     /// the same results [default: half of the free memory]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     memory_mb: Option<u64>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// An item of the list.
@@ -49,7 +51,7 @@ impl Features {
         let out = out_folder(&self.out, &self.cloud);
         let settings = self.settings();
         let inputs = [self.cloud.clone()];
-        context.logged(&out, &inputs, |options| {
+        context.logged(&out, &inputs, self.force, |options| {
             pipeline::features(&self.cloud, &settings, options, &context.terminal)
         })
     }

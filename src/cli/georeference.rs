@@ -24,7 +24,7 @@ impl Georeference {
         let (project, out) = self.on.read()?;
         let (calibration, trajectory) = (self.calibration.as_deref(), self.trajectory.as_deref());
         let placement = Placement::new(&project, calibration, trajectory)?;
-        context.logged(&out, placement.inputs(), |options| {
+        context.logged(&out, placement.inputs(), self.on.force, |options| {
             pipeline::georeference(&placement, options, &context.terminal)
         })
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::interrupt;
 use crate::error::{Error, Result};
-use crate::output::write_whole;
+use crate::output::{refuse_kept, write_whole};
 use crate::pipeline::Outcome;
 
 /// Environment variable with the program to use in place of the default ones.
@@ -65,10 +65,13 @@ impl Printer {
     /// Prints `page` to a PDF beside it, if printing was asked for, and adds the PDF to the files of `outcome`.
     ///
     /// # Errors
-    /// The browser fails, or takes too long; [`Error::Cancelled`].
-    pub fn print(&self, page: &Path, mut outcome: Outcome) -> Result<Outcome> {
+    /// The PDF would replace one of the files `kept` in the folder of the page; the browser fails, or takes too long;
+    /// [`Error::Cancelled`].
+    pub fn print(&self, page: &Path, kept: &[PathBuf], mut outcome: Outcome) -> Result<Outcome> {
         if let Some(program) = &self.program {
             let pdf = page.with_extension("pdf");
+            let folder = pdf.parent().unwrap_or(Path::new(""));
+            refuse_kept(folder, &[pdf.file_name().unwrap_or_default()], kept)?;
             write_whole(&pdf, &printed(program, page)?)?;
             outcome.files.push(pdf);
         }

@@ -24,6 +24,6 @@ impl Report {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let printer = self.pdf.printer()?;
         let outcome = pipeline::report(&self.folder, &context.terminal)?;
-        printer.print(&self.folder.join("report.html"), outcome)
+        printer.print(&self.folder.join("report.html"), &[], outcome)
     }
 }

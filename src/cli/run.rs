@@ -44,7 +44,7 @@ impl Run {
             let page = options.out.join("report.html");
             self.watch.over(&context.terminal, &page, || {
                 let outcome = pipeline::run(project, &self.repeat.apply_to(options), progress)?;
-                printer.print(&page, outcome)
+                printer.print(&page, &options.kept, outcome)
             })
         })
     }

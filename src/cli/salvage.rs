@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use super::context::Force;
 use super::print::unprintable;
 use crate::error::{Error, Result};
 use crate::format;
@@ -20,6 +21,8 @@ pub(super) struct Salvage {
     /// Folder for the copies, which keep their names
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Salvage {
@@ -39,6 +42,7 @@ impl Salvage {
                 "salvage them into different folders",
             ));
         }
+        self.force.check(&self.out, &self.files, &names)?;
         let staging = Staging::new(&self.out, &self.files, &names)?;
         let (mut documents, mut lines) = (Vec::new(), Vec::new());
         for (file, name) in self.files.iter().zip(&names) {

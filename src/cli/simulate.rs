@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use super::context::Context;
-use crate::error::{Error, Location, Result};
+use super::context::{Context, Force};
+use crate::error::Result;
 use crate::pipeline::{self, Outcome};
-use crate::simulation::{Extent, Scenario};
+use crate::simulation::{Extent, Scenario, output_names};
 
 /// Write simulated drives as sensor files, together with the truth
 #[derive(Debug, clap::Args)]
@@ -19,30 +19,21 @@ pub(super) struct Simulate {
     /// Folder for the drives
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace the drives that are in the folder
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Simulate {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
-        let written = self.out.join("scenario.toml");
-        let scenario = PathBuf::from(&self.scenario);
-        // Replacing the scenario itself is reported later.
-        let is_input = same_file::is_same_file(&written, &scenario).unwrap_or(false);
-        if written.exists() && !is_input && !self.force {
-            return Err(Error::format(
-                &self.out,
-                Location::Whole,
-                "simulated drives",
-                "an unused name, or --force to replace them",
-            ));
-        }
-        context.logged(&self.out, &[scenario], |options| {
+        let inputs = [PathBuf::from(&self.scenario)];
+        context.logged(&self.out, &inputs, self.force, |options| {
             let scenario = match self.random {
                 Some(seed) => Scenario::random(seed, &Extent::FULL),
                 None => Scenario::load(&self.scenario)?,
             };
+            // Drives are data, which no later command replaces by itself.
+            self.force
+                .check_all(&self.out, &inputs, &output_names(&scenario))?;
             pipeline::simulate(scenario, options, &context.terminal)
         })
     }

@@ -120,9 +120,10 @@ impl Terminal {
         self.keep(&mut self.state(), line);
     }
 
-    /// Writes all lines so far.
-    pub fn write_log(&self, path: &Path) -> Result<()> {
-        crate::output::write_whole(path, self.state().log.as_bytes())
+    /// Writes all lines so far, below these.
+    pub fn write_log(&self, path: &Path, head: &str) -> Result<()> {
+        let text = format!("{head}{}", self.state().log);
+        crate::output::write_whole(path, text.as_bytes())
     }
 
     /// The view for pages. From now on, pictures of clouds are made.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::context::{Context, out_folder};
+use super::context::{Context, Force, out_folder};
 use super::values::positive;
 use crate::error::Result;
 use crate::pipeline::{self, Outcome};
@@ -21,13 +21,15 @@ pub(super) struct Thin {
     /// Folder for the result [default: `out` next to the cloud]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 impl Thin {
     pub fn execute(&self, context: &Context) -> Result<Outcome> {
         let out = out_folder(&self.out, &self.cloud);
         let inputs = [self.cloud.clone()];
-        context.logged(&out, &inputs, |options| {
+        context.logged(&out, &inputs, self.force, |options| {
             pipeline::thin(&self.cloud, self.voxel_m, options, &context.terminal)
         })
     }

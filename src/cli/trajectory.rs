@@ -37,7 +37,7 @@ impl Trajectory {
             let printer = self.pdf.printer()?;
             return context.with_project(&self.on, |project, options, progress| {
                 let outcome = pipeline::trajectory(project, options, progress)?;
-                printer.print(&options.out.join("trajectory.html"), outcome)
+                printer.print(&options.out.join("trajectory.html"), &options.kept, outcome)
             });
         }
         let (project, out) = self.on.read()?;
@@ -53,7 +53,7 @@ impl Trajectory {
         } else {
             Source::Replay
         };
-        context.logged(&out, &project.inputs(), |options| {
+        context.logged(&out, &project.inputs(), self.on.force, |options| {
             online(&project, source, options, &mut rows, &context.terminal)
         })
     }

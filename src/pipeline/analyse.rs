@@ -41,7 +41,7 @@ pub fn analyse(
     let cloud_names = clouds::names(project);
     let names = [&write::RESULTS.map(str::to_owned)[..], &cloud_names].concat();
     let inputs = project.inputs();
-    let job = Job::new(&options.out, &inputs, &names, progress)?;
+    let job = Job::new(options, &inputs, &names, progress)?;
     let inputs = Inputs::read(inputs, progress)?;
     let project = &with_origin(project, progress);
     let files = inputs.files();

@@ -18,6 +18,7 @@ use crate::comparison::Agreements;
 use crate::error::Result;
 use crate::format;
 use crate::judgement;
+use crate::output::refuse_kept;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::report;
@@ -37,6 +38,12 @@ pub fn demo(options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let mut scenario = Scenario::demo();
     scenario.seed = options.seed.unwrap_or(scenario.seed);
     let data = options.out.join("data");
+    let names = simulation::output_names(&scenario);
+    let names: Vec<PathBuf> = names
+        .iter()
+        .map(|name| Path::new("data").join(name))
+        .collect();
+    refuse_kept(&options.out, &names, &options.kept)?;
     let files = simulation::simulate(&scenario, &data, progress)?;
     let project = Project::read(&files.drives[0].project)?;
     let extras = Extras {
@@ -135,8 +142,12 @@ pub fn trajectory(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let names = ["trajectory.csv", "trajectory.html"];
+<<<<<<< HEAD
     let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let project = &with_origin(project, progress);
+=======
+    let job = Job::new(options, &project.inputs(), &names, progress)?;
+>>>>>>> f113c328 (No command replaces a file that boresight did not write, unless --force is given)
     let poses = stages::poses(project, progress)?.poses;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
@@ -179,8 +190,12 @@ pub fn trajectory(
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
+<<<<<<< HEAD
     let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
     let project = &with_origin(project, progress);
+=======
+    let mut job = Job::new(options, &project.inputs(), &names, progress)?;
+>>>>>>> f113c328 (No command replaces a file that boresight did not write, unless --force is given)
     // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let calibration_drive = CalibrationDrive::new(project);

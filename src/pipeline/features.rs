@@ -7,7 +7,6 @@ use serde_json::json;
 use super::{Options, Outcome};
 use crate::cloud::Neighbourhood;
 use crate::error::{Error, Location, Result};
-use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, FeatureSettings, FeatureSummary, peak_memory_bytes};
 
@@ -24,7 +23,7 @@ pub fn features(
 ) -> Result<Outcome> {
     let name = file_name(cloud)?;
     let target = options.out.join(&name);
-    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
+    let staging = options.staging(&[cloud.to_owned()], &[&name])?;
     let output = staging.path(&name);
     let work = tiles::features(cloud, settings, &staging, &output, progress)?;
     warn_of_few(&work, settings, progress);

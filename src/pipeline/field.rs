@@ -35,7 +35,7 @@ pub fn field(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let mut job = Job::new(&options.out, &project.inputs(), &[PAGE], progress)?;
+    let mut job = Job::new(options, &project.inputs(), &[PAGE], progress)?;
     let poses = stages::poses(project, progress)?.poses;
     let bending = clouds::bending(rig, &poses.trajectory);
     let mounted = Mounted {

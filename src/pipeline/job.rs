@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::finished::{Finished, Stage};
 use super::keys::Key;
+use super::outcome::Options;
 use crate::error::{Error, Result};
 use crate::output::Staging;
 use crate::progress::{EachPoint, Progress, StageSeconds};
@@ -23,19 +24,19 @@ pub struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    /// Starts a job that reads `inputs` and writes results with these `names` to the folder `out`,
+    /// Starts a job that reads `inputs` and writes results with these `names` to the folder of the options,
     /// which is created if it is missing.
     ///
     /// # Errors
-    /// The folder cannot be created or written; a result would replace an input.
+    /// Those of [`Options::staging`].
     pub fn new(
-        out: &Path,
+        options: &Options,
         inputs: &[PathBuf],
         names: &[impl AsRef<Path>],
         progress: &'a dyn Progress,
     ) -> Result<Self> {
         Ok(Self {
-            staging: Staging::new(out, inputs, names)?,
+            staging: options.staging(inputs, names)?,
             progress,
             finished: None,
             stages: Vec::new(),

@@ -159,7 +159,7 @@ pub fn georeference(
 ) -> Result<Outcome> {
     let (project, rig) = (&with_origin(&placement.project, progress), &placement.rig);
     let names = clouds::names(project);
-    let mut job = Job::new(&options.out, placement.inputs(), &names, progress)?;
+    let mut job = Job::new(options, placement.inputs(), &names, progress)?;
     for remark in &placement.remarks {
         progress.say(remark);
     }

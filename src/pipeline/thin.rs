@@ -7,7 +7,6 @@ use serde_json::json;
 use super::{Options, Outcome};
 use crate::error::{Error, Result};
 use crate::format;
-use crate::output::Staging;
 use crate::progress::Progress;
 use crate::tiles::{self, peak_memory_bytes};
 
@@ -28,7 +27,7 @@ pub fn thin(
     }
     let stem = cloud.file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{stem}-thinned.laz");
-    let staging = Staging::new(&options.out, &[cloud.to_owned()], &[&name])?;
+    let staging = options.staging(&[cloud.to_owned()], &[&name])?;
     let work = tiles::thin(cloud, voxel_m, &staging.path(&name), progress)?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });

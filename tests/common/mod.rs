@@ -121,7 +121,13 @@ impl Run {
 
 /// Runs the binary with `arguments`.
 pub fn boresight(arguments: &[&str]) -> Run {
+    boresight_at(Path::new("."), arguments)
+}
+
+/// Runs the binary with `folder` as its working directory.
+pub fn boresight_at(folder: &Path, arguments: &[&str]) -> Run {
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_boresight"))
+        .current_dir(folder)
         .args(arguments)
         .output()
         .unwrap();

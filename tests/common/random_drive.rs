@@ -116,6 +116,7 @@ impl Ended {
             out: drive.folder.join("out"),
             seed: None,
             fresh: false,
+            kept: Vec::new(),
         };
         let mut ended = match analyse(&project, &options, &Extras::default(), &Silent) {
             Err(error) => Self {

@@ -77,6 +77,7 @@ impl Field {
             out: self.folder.join("out"),
             seed: None,
             fresh: false,
+            kept: Vec::new(),
         };
         analyse(&project, &options, &Extras::default(), &Silent)
     }

@@ -61,6 +61,7 @@ fn assert_cancellable(
         out: folder.path().join(name),
         seed: None,
         fresh: true,
+        kept: Vec::new(),
     };
     let never = StopAt::new(u64::MAX);
     work(&options("whole"), &never).unwrap();

@@ -10,7 +10,8 @@ use boresight::geometry::Vec3;
 fn converted(folder: &Path, input: &str, output: &str, more: &[&str]) -> String {
     let at = |name: &str| folder.join(name).to_str().unwrap().to_owned();
     let (input, output) = (at(input), at(output));
-    let run = boresight(&[&["convert", &input, &output], more].concat());
+    // Files that an earlier conversion wrote are replaced.
+    let run = boresight(&[&["convert", &input, &output, "--force"], more].concat());
     assert_eq!(run.code, 0, "{output}: {}", run.err);
     run.out
 }

@@ -44,6 +44,7 @@ fn run(comparison: &Comparison, out: &Path) -> (Value, String) {
         out: out.to_owned(),
         seed: None,
         fresh: false,
+        kept: Vec::new(),
     };
     let outcome = compare(comparison, &options, &Silent).unwrap();
     let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
@@ -171,6 +172,7 @@ fn distances_of_walls_under_an_upward_orientation_are_said_to_have_arbitrary_sig
             out: folder.path().join("out"),
             seed: None,
             fresh: false,
+            kept: Vec::new(),
         };
         let outcome = compare(&comparison, &options, &Silent).unwrap();
         let across = outcome.result["normals_across_orientation"]

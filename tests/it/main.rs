@@ -38,6 +38,7 @@ mod placement;
 mod printing;
 mod protected;
 mod random;
+mod replace;
 mod report;
 mod resume;
 mod run;

@@ -347,6 +347,7 @@ fn an_input_that_changes_during_a_run_is_reported_and_later_stages_are_not_store
         out: case.out(),
         seed: None,
         fresh: false,
+        kept: Vec::new(),
     };
     let file = case.drive.join("prism.csv");
     let before = fs::read(&file).unwrap();

@@ -151,6 +151,7 @@ fn assert_result_suits_poses(position_m: f64, angle_deg: f64) {
         out: folder.path().join("out"),
         seed: None,
         fresh: true,
+        kept: Vec::new(),
     };
     let found = analyse(&project, &options, &Extras::default(), &Silent).unwrap();
     let calibrations = &found.calibrations;

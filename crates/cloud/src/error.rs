@@ -72,6 +72,8 @@ pub enum Problem {
     Contradicted,
     /// A result that would overwrite one of its inputs.
     WouldReplaceInput,
+    /// A result that would overwrite a file that is not a result.
+    WouldReplaceFile,
 }
 
 /// An error with everything needed to fix its cause.

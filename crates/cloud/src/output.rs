@@ -42,6 +42,7 @@ pub struct Staging {
     lock_path: PathBuf,
     _lock: File,
     inputs: Vec<PathBuf>,
+    kept: Vec<PathBuf>,
 }
 
 impl Staging {
@@ -85,7 +86,13 @@ impl Staging {
             lock_path,
             _lock: lock,
             inputs: inputs.to_vec(),
+            kept: Vec::new(),
         })
+    }
+
+    /// Makes [`Staging::commit`] refuse what [`refuse_kept`] does.
+    pub fn keep(&mut self, kept: &[PathBuf]) {
+        self.kept = kept.to_vec();
     }
 
     /// The path at which to write the future file `name` of the destination; `name` may include
@@ -103,12 +110,13 @@ impl Staging {
     /// their names, `result.json` last.
     ///
     /// # Errors
-    /// If a file would overwrite an input, nothing is renamed. If a file cannot be flushed or
+    /// If a file would overwrite an input, or one that is to be kept, nothing is renamed. If a file cannot be flushed or
     /// renamed, all others are, and the first error is returned.
     pub fn commit(self) -> Result<()> {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
         protect_inputs(&self.dir, &self.inputs, &names)?;
+        refuse_kept(&self.dir, &names, &self.kept)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
         let mut outcome = Ok(());
         let mut ready = Vec::new();
@@ -179,6 +187,46 @@ pub fn protect_inputs(dir: &Path, inputs: &[PathBuf], names: &[impl AsRef<Path>]
         }
     }
     Ok(())
+}
+
+/// Names of the files and folders in `dir`, in order and without staging folders; none if `dir` cannot be read.
+pub fn names_in(dir: &Path) -> BTreeSet<PathBuf> {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+    let names = entries.map(|entry| PathBuf::from(entry.file_name()));
+    names
+        .filter(|name| !name.to_string_lossy().starts_with(PREFIX))
+        .collect()
+}
+
+/// Checks that none of the files `names` exists in `dir`, so that no file of the user is replaced.
+///
+/// # Errors
+/// Names the first that exists.
+pub fn refuse_existing(dir: &Path, names: &[impl AsRef<Path>]) -> Result<()> {
+    let mut paths = names.iter().map(|name| dir.join(name));
+    // A link that leads nowhere is a file of the user, too.
+    match paths.find(|path| path.symlink_metadata().is_ok()) {
+        None => Ok(()),
+        Some(path) => Err(Error::of(
+            Problem::WouldReplaceFile,
+            format!("{} exists, and would be replaced", path.display()),
+            "choose another name or another folder for the results; if files that exist there are not needed, use --force to \
+             replace them",
+        )),
+    }
+}
+
+/// As [`refuse_existing`], but only for those of the files that are one of the files `kept` in `dir`, or in one of the
+/// folders.
+///
+/// # Errors
+/// Names the first that exists.
+pub fn refuse_kept(dir: &Path, names: &[impl AsRef<Path>], kept: &[PathBuf]) -> Result<()> {
+    let names = names.iter().map(AsRef::as_ref);
+    let kept: Vec<&Path> = names
+        .filter(|name: &&Path| kept.iter().any(|kept| name.starts_with(kept)))
+        .collect();
+    refuse_existing(dir, &kept)
 }
 
 /// Removes staging folders in `dir` whose lock is free.
@@ -360,6 +408,29 @@ mod tests {
         assert!(error.contains("in.csv is an input"), "{error}");
         assert_eq!(names(dir.path()), ["in.csv", "link", "out"]);
         assert_eq!(fs::read_to_string(at("in.csv")).unwrap(), "input");
+    }
+
+    #[test]
+    fn existing_files_are_kept_on_request() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("b.csv"), "user").unwrap();
+        refuse_existing(dir.path(), &["a.csv"]).unwrap();
+        assert_eq!(names_in(dir.path()), BTreeSet::from(["b.csv".into()]));
+        assert_eq!(names_in(&dir.path().join("new")), BTreeSet::new());
+        let error = refuse_existing(dir.path(), &["a.csv", "b.csv"]).unwrap_err();
+        assert!(error.to_string().contains("b.csv exists"), "{error}");
+        let mut staging = Staging::new(dir.path(), &[], &["a.csv"]).unwrap();
+        staging.keep(&["b.csv".into(), "c".into()]);
+        for name in ["a.csv", "b.csv"] {
+            fs::write(staging.path(name), "result").unwrap();
+        }
+        let error = staging.commit().unwrap_err();
+        assert!(error.to_string().contains("--force"), "{error}");
+        assert_eq!(names(dir.path()), ["b.csv"]);
+        assert_eq!(
+            fs::read_to_string(dir.path().join("b.csv")).unwrap(),
+            "user"
+        );
     }
 
     #[test]

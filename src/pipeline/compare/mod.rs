@@ -12,7 +12,6 @@ use serde_json::json;
 use super::{Options, Outcome, page};
 use crate::comparison::{Aggregation, ComparisonSettings, M3c2, Statistics};
 use crate::error::{Error, Result};
-use crate::output::Staging;
 use crate::progress::Progress;
 use crate::report;
 use crate::tiles::{self, Comparison, NormalSource, peak_memory_bytes};
@@ -35,7 +34,7 @@ pub fn compare(
 ) -> Result<Outcome> {
     let settings = &comparison.settings;
     let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
-    let staging = Staging::new(&options.out, &comparison.inputs(), &names)?;
+    let staging = options.staging(&comparison.inputs(), &names)?;
     let work = tiles::compare(comparison, &staging, progress)?;
     let statistics = Statistics::of(&work.m3c2)?;
     let start = Instant::now();

@@ -64,7 +64,13 @@ impl Case {
         let inputs = Inputs::read(vec![self.input()], &Silent)?;
         let input_key = Key::default().with(&inputs.hash(&self.input()));
         let factor_key = input_key.clone().with(&factor);
-        let job = Job::new(&self.out(), &[self.input()], &[RESULT], &Silent)?;
+        let options = Options {
+            out: self.out(),
+            seed: None,
+            fresh,
+            kept: Vec::new(),
+        };
+        let job = Job::new(&options, &[self.input()], &[RESULT], &Silent)?;
         let finished = Finished::beside(&self.out(), inputs, fresh);
         let mut job = job.with_finished(finished);
         let stages = RefCell::new(Vec::new());

@@ -46,7 +46,7 @@ pub fn online(
         ));
     };
     let names = ["trajectory.csv", "online.csv"];
-    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    let job = Job::new(options, &project.inputs(), &names, progress)?;
     let live = !matches!(source, Source::Replay);
     if !logs.settings.estimate.is_empty() {
         progress.warn("constants are held at the project's values until the drive ends");

@@ -51,4 +51,4 @@ pub use sensors::{
     DeformationSettings, HeadingSettings, ImuSettings, LidarSettings, PrismSettings,
     ProfileSettings, ProjectSettings, ReferenceSettings, ScannerKind, ScannerSettings,
 };
-pub use write::{SimulatedDrive, SimulatedFiles, SimulatedReference, simulate};
+pub use write::{SimulatedDrive, SimulatedFiles, SimulatedReference, output_names, simulate};

@@ -19,6 +19,11 @@ use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::Progress;
 
+/// The file with all keys of the scenario.
+const SCENARIO: &str = "scenario.toml";
+/// The file of the reference.
+const REFERENCE: &str = "tls.laz";
+
 /// Strips of the reference generated at a time.
 const STRIPS_AT_ONCE: usize = 64;
 
@@ -60,6 +65,17 @@ pub struct SimulatedDrive {
     pub points: u64,
 }
 
+/// Names of the files and folders that [`simulate`] writes into its folder.
+pub fn output_names(scenario: &Scenario) -> Vec<String> {
+    let reference = scenario.reference.enabled.then(|| REFERENCE.to_owned());
+    let drives = (0..scenario.drives.len()).map(describe::drive_name);
+    [SCENARIO.to_owned()]
+        .into_iter()
+        .chain(reference)
+        .chain(drives)
+        .collect()
+}
+
 /// Simulates the scenario and writes it into the folder `out`: `drive-1`, `drive-2`, … with logs,
 /// recordings and `project.toml`, each with a folder `truth` that contains the trajectory, the mounting,
 /// the scene and, if there are any, the errors that the project does not state; next to them `tls.laz`
@@ -75,7 +91,7 @@ pub fn simulate(
 ) -> Result<SimulatedFiles> {
     scenario.check()?;
     let inputs: Vec<PathBuf> = scenario.file.iter().cloned().collect();
-    let staging = Staging::new(out, &inputs, &["scenario.toml", "tls.laz"])?;
+    let staging = Staging::new(out, &inputs, &[SCENARIO, REFERENCE])?;
     let scene = Scene::new(scenario);
     let mut drives = Vec::with_capacity(scenario.drives.len());
     for index in 0..scenario.drives.len() {
@@ -103,18 +119,15 @@ pub fn simulate(
         });
     }
     let reference = if scenario.reference.enabled {
-        let points = write_reference(scenario, &scene, &staging.path("tls.laz"), progress)?;
+        let points = write_reference(scenario, &scene, &staging.path(REFERENCE), progress)?;
         Some(SimulatedReference {
-            file: out.join("tls.laz"),
+            file: out.join(REFERENCE),
             points,
         })
     } else {
         None
     };
-    describe::write_text(
-        &staging.path("scenario.toml"),
-        &describe::scenario(scenario)?,
-    )?;
+    describe::write_text(&staging.path(SCENARIO), &describe::scenario(scenario)?)?;
     staging.commit()?;
     Ok(SimulatedFiles { drives, reference })
 }
