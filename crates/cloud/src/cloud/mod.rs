@@ -16,7 +16,11 @@ pub use neighbourhoods::{Neighbourhood, Surroundings};
 pub use neighbours::NeighbourIndex;
 pub use tensor::{Eigen, StructureTensor};
 
+use crate::error::Result;
 use crate::geometry::Vec3;
+
+/// Streams the points of a cloud (metres) in chunks, in the same order each time.
+pub type Stream<'a> = dyn FnMut(&mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> + 'a;
 
 /// Points in the world frame with recorded values; every list that is not empty is as long as
 /// `points`.

@@ -21,6 +21,6 @@ pub use memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use plane::{Rectangle, Tiles};
 pub use rows::{FEATURE_COLUMNS, FeatureRow};
 pub use source::CloudSource;
-pub use store::{Stream, TilePoints, TileStore};
+pub use store::{TilePoints, TileStore};
 pub use surroundings::{TilingSummary, surroundings};
 pub use thin::{Thinned, thin};

@@ -23,6 +23,7 @@ use super::plane::{Rectangle, Tiles};
 use super::records::{Appender, number, read_records};
 use super::source::CloudSource;
 use super::stage::stage;
+use crate::cloud::Stream;
 use crate::error::{Error, Result};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -32,9 +33,6 @@ use crate::statistics::EvenSample;
 const RECORD: usize = 32;
 /// Largest sample from which the tiles are laid out.
 const MOST_SAMPLED: usize = 1 << 18;
-
-/// Streams a cloud in chunks and in order.
-pub type Stream<'a> = dyn FnMut(&mut dyn FnMut(&[Vec3]) -> Result<()>) -> Result<()> + 'a;
 
 /// Points with their indices in the stream.
 #[derive(Debug, Clone, Default, PartialEq)]
