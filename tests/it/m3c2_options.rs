@@ -290,7 +290,7 @@ fn all_options_agree_with_the_definition() {
                             Normals::Fixed(_) => UP,
                             Normals::Given(given) => given[i] / given[i].norm(),
                             // Compared with brute force in a separate test.
-                            Normals::MostPlanar { .. } => at.normal,
+                            Normals::MostPlanar { .. } | Normals::SeenFrom(_) => at.normal,
                         };
                         let clouds = [&reference[..], other];
                         let heights = |cloud| brute_heights(cloud, point, &normal, cylinder);

@@ -14,6 +14,10 @@ pub enum Normals<'a> {
         /// Non-zero, of any length.
         orientation: Vec3,
     },
+    /// Computed as for [`Self::MostPlanar`], oriented towards the nearest of these places, from which
+    /// the surface was seen (metres, in the frame of the clouds; at least one). Of equally near ones,
+    /// the first.
+    SeenFrom(&'a [Vec3]),
     /// One direction for all core points, non-zero, of any length.
     Fixed(Vec3),
     /// One for each core point. Core points with a normal that is zero or not finite get no
@@ -26,6 +30,11 @@ impl Normals<'_> {
     pub const UPWARDS: Self = Self::MostPlanar {
         orientation: Vec3::new(0.0, 0.0, 1.0),
     };
+
+    /// Whether they are computed from the reference.
+    pub(super) fn are_computed(self) -> bool {
+        matches!(self, Self::MostPlanar { .. } | Self::SeenFrom(_))
+    }
 }
 
 /// Refuses a cloud without finite points.
@@ -72,6 +81,14 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
     ];
     match normals {
         Normals::Given(_) => {}
+        Normals::SeenFrom(places) => {
+            if places.is_empty() || !places.iter().all(is_finite) {
+                return Err(Error::data(
+                    "the comparison has no place from which the surface was seen, or one that is not finite",
+                    "give at least one place with three finite coordinates, or a direction",
+                ));
+            }
+        }
         Normals::Fixed(direction)
         | Normals::MostPlanar {
             orientation: direction,
@@ -87,7 +104,7 @@ pub(super) fn check(normals: Normals<'_>, settings: &ComparisonSettings) -> Resu
             }
         }
     }
-    if let Normals::MostPlanar { .. } = normals {
+    if normals.are_computed() {
         if settings.normal_radii_m.is_empty() {
             return Err(Error::data(
                 "the comparison has neither normals nor radii to compute them",

@@ -4,8 +4,9 @@
 //! At every core point c:
 //!
 //! 1. The normal n is that of the reference's points within a radius of c. Of several radii, the
-//!    one with the largest planarity (λ₂ − λ₃) / λ₁ is used, of equal ones the first. Alternatively
-//!    the normal is given: one direction for all core points, or one for each.
+//!    one with the largest planarity (λ₂ − λ₃) / λ₁ is used, of equal ones the first. It is
+//!    oriented along a direction, or towards the nearest of the places from which the surface was
+//!    seen. Alternatively the normal is given: one direction for all core points, or one for each.
 //! 2. A cylinder of radius R runs through c along n, with half length L on both sides. It contains
 //!    the points x of a cloud with |n·(x − c)| < L and |(x − c) − n n·(x − c)| ≤ R. A one-sided
 //!    cylinder contains only those with n·(x − c) ≥ 0, for both clouds (like CloudCompare's search

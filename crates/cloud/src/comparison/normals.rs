@@ -2,7 +2,7 @@
 
 use super::moments::Offsets;
 use super::window::Window;
-use crate::cloud::StructureTensor;
+use crate::cloud::{NeighbourIndex, StructureTensor};
 use crate::geometry::{Vec3, is_finite};
 
 /// The normal at a core point.
@@ -36,17 +36,46 @@ pub(super) fn unit(vector: &Vec3) -> Vec3 {
     }
 }
 
+/// Where normals are oriented towards.
+#[derive(Debug, Clone)]
+pub(super) enum Orientation {
+    /// A direction.
+    Direction(Vec3),
+    /// The nearest of these places.
+    SeenFrom(NeighbourIndex, Vec<Vec3>),
+}
+
+impl Orientation {
+    /// Towards the nearest of these places (metres, at least one).
+    pub(super) fn seen_from(places: &[Vec3]) -> Self {
+        Self::SeenFrom(NeighbourIndex::new(places), places.to_vec())
+    }
+
+    /// The direction at a point, of any length.
+    fn at(&self, point: &Vec3) -> Vec3 {
+        match self {
+            Self::Direction(direction) => *direction,
+            Self::SeenFrom(index, places) => {
+                let mut nearest = Vec::new();
+                index.nearest(point, 1, &mut nearest);
+                let place = nearest.first().map(|&place| places[place as usize]);
+                place.map_or(Vec3::zeros(), |place| place - point)
+            }
+        }
+    }
+}
+
 /// Fraction of the scale of a neighbourhood's covariance below which its normal is computed in two
 /// passes over the points instead of one.
 const TWO_PASSES_BELOW: f64 = 0.01;
 
 /// The normal of the most planar of the neighbourhoods of `point` with these radii, on the side of
-/// `orientation`. `None` if no neighbourhood has three points that span a plane.
+/// `orientation` at the point. `None` if no neighbourhood has three points that span a plane.
 pub(super) fn most_planar(
     window: &Window,
     point: &Vec3,
     radii: &[f64],
-    orientation: &Vec3,
+    orientation: &Orientation,
     offsets: &mut Offsets,
 ) -> Option<Normal> {
     let mut best: Option<(f64, Vec3, f64)> = None;
@@ -69,7 +98,7 @@ pub(super) fn most_planar(
         }
     }
     best.map(|(_, normal, radius_m)| Normal {
-        direction: if normal.dot(orientation) < 0.0 {
+        direction: if normal.dot(&orientation.at(point)) < 0.0 {
             -normal
         } else {
             normal

@@ -6,7 +6,7 @@ use super::cylinder::{self, Cylinder, Heights};
 use super::detection::Sample;
 use super::groups::{Groups, box_around};
 use super::moments::Offsets;
-use super::normals::{self, Normal};
+use super::normals::{self, Normal, Orientation};
 use super::settings::ComparisonSettings;
 use super::window::Window;
 use crate::cloud::NeighbourIndex;
@@ -35,10 +35,9 @@ impl Search {
     /// See [`check`].
     pub(super) fn new(normals: Normals<'_>, settings: &ComparisonSettings) -> Result<Self> {
         check(normals, settings)?;
-        let ball = match normals {
-            Normals::MostPlanar { .. } => settings.normal_radii_m.iter().copied().reduce(f64::max),
-            _ => None,
-        };
+        let radii = settings.normal_radii_m.iter().copied();
+        let widest = radii.reduce(f64::max);
+        let ball = widest.filter(|_| normals.are_computed());
         let reach = cylinder_reach_m(settings);
         let longest = LONGEST_IN_CELLS * settings.cylinder_radius_m;
         let (mut for_normals, mut for_cylinders) = (ball, (reach <= longest).then_some(reach));
@@ -91,7 +90,7 @@ impl Search {
         &self,
         cells: &Cells,
         core: &[Vec3],
-        orientation: &Vec3,
+        orientation: &Orientation,
         pass: Pass<'_>,
     ) -> Vec<Normal> {
         let radii = &self.settings.normal_radii_m;

@@ -6,7 +6,7 @@ use super::cells::Cells;
 use super::checks::{Normals, check, check_core, check_points};
 use super::core_points::core_points;
 use super::detection::{Sample, level_of_detection};
-use super::normals::{self, Normal};
+use super::normals::{self, Normal, Orientation};
 use super::result::{CoreDistance, M3c2};
 use super::search::{Indexed, Pass, Search};
 use super::settings::ComparisonSettings;
@@ -116,7 +116,7 @@ impl ReferenceSurface {
 /// Number of passes over the core points that compute the surface of a reference.
 fn passes(normals: Normals<'_>) -> u64 {
     match normals {
-        Normals::MostPlanar { .. } => 2,
+        Normals::MostPlanar { .. } | Normals::SeenFrom(_) => 2,
         Normals::Fixed(_) | Normals::Given(_) => 1,
     }
 }
@@ -166,6 +166,18 @@ impl IndexedReference {
         }
     }
 
+    /// The cells for normals.
+    fn cells_for_normals(&self) -> Result<&Cells> {
+        match (&self.for_normals, &self.for_cylinders) {
+            (Some(cells), _) => Ok(cells),
+            (None, Indexed::Cells(cells)) if self.search.is_shared() => Ok(cells),
+            _ => Err(Error::data(
+                "the clouds are indexed for given normals, but no normals are given",
+                "index them for computed normals, or give normals",
+            )),
+        }
+    }
+
     /// The surface at `core`, computed in passes from `first` on.
     fn surface(
         &self,
@@ -182,17 +194,12 @@ impl IndexedReference {
         };
         let mut core_normals = match normals {
             Normals::MostPlanar { orientation } => {
-                let cells = match (&self.for_normals, &self.for_cylinders) {
-                    (Some(cells), _) => cells,
-                    (None, Indexed::Cells(cells)) if search.is_shared() => cells,
-                    _ => {
-                        return Err(Error::data(
-                            "the clouds are indexed for given normals, but no normals are given",
-                            "index them for computed normals, or give normals",
-                        ));
-                    }
-                };
-                search.normals(cells, core, &orientation, first)
+                let towards = Orientation::Direction(orientation);
+                search.normals(self.cells_for_normals()?, core, &towards, first)
+            }
+            Normals::SeenFrom(places) => {
+                let towards = Orientation::seen_from(places);
+                search.normals(self.cells_for_normals()?, core, &towards, first)
             }
             Normals::Fixed(direction) => vec![given(&direction); core.len()],
             Normals::Given(directions) => directions.iter().map(given).collect(),
@@ -350,6 +357,7 @@ mod tests {
         directions[1] = Vec3::zeros();
         let kinds = [
             Normals::UPWARDS,
+            Normals::SeenFrom(&[Vec3::new(0.2, 0.3, 2.0), Vec3::new(0.5, 0.1, 1.5)]),
             Normals::Fixed(Vec3::new(0.3, 0.0, 1.0)),
             Normals::Given(&directions),
         ];
