@@ -4,11 +4,12 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::compressed;
 use super::file::file_of;
 use crate::error::{Error, Location, Result};
+use crate::geometry::Vec3;
 
 /// The first bytes of a Parquet file, and also its last.
 pub(crate) const PARQUET: &[u8] = b"PAR1";
@@ -24,8 +25,15 @@ struct Content {
     /// The content of a compressed file.
     unpacked: OnceLock<Excerpt>,
     detected: OnceLock<usize>,
-    remarks: Arc<Mutex<Vec<String>>>,
+    notes: Arc<Mutex<Notes>>,
     point_times: PointTimes,
+}
+
+/// What readers found beside the data that they return.
+#[derive(Debug, Default)]
+struct Notes {
+    remarks: Vec<String>,
+    viewpoints_m: Vec<Vec3>,
 }
 
 /// What a recording does not say about the times of the points in its clouds.
@@ -53,13 +61,13 @@ impl Input {
         Self::new(path, Some(Excerpt(bytes.into())), Arc::default())
     }
 
-    fn new(path: &Path, excerpt: Option<Excerpt>, remarks: Arc<Mutex<Vec<String>>>) -> Self {
+    fn new(path: &Path, excerpt: Option<Excerpt>, notes: Arc<Mutex<Notes>>) -> Self {
         Self(Arc::new(Content {
             path: path.to_owned(),
             excerpt,
             unpacked: OnceLock::new(),
             detected: OnceLock::new(),
-            remarks,
+            notes,
             point_times: PointTimes::default(),
         }))
     }
@@ -71,7 +79,7 @@ impl Input {
             excerpt: self.0.excerpt.clone(),
             unpacked: OnceLock::new(),
             detected: OnceLock::new(),
-            remarks: self.0.remarks.clone(),
+            notes: self.0.notes.clone(),
             point_times,
         }))
     }
@@ -83,17 +91,13 @@ impl Input {
 
     /// The file of which this input names a part; remarks on it are remarks on this input.
     pub(crate) fn of_file(&self, file: &Path) -> Self {
-        Self::new(file, None, self.0.remarks.clone()).with_point_times(self.0.point_times.clone())
+        Self::new(file, None, self.0.notes.clone()).with_point_times(self.0.point_times.clone())
     }
 
     /// Keeps a sentence on what a reader left out or assumed; the same sentence is kept once.
     pub fn remark(&self, text: impl Into<String>) {
         let text = text.into();
-        let mut remarks = self
-            .0
-            .remarks
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let remarks = &mut self.notes().remarks;
         if !remarks.contains(&text) {
             remarks.push(text);
         }
@@ -101,8 +105,23 @@ impl Input {
 
     /// What the readers of this input and of its clones left out or assumed so far.
     pub fn remarks(&self) -> Vec<String> {
-        let remarks = self.0.remarks.lock();
-        remarks.unwrap_or_else(PoisonError::into_inner).clone()
+        self.notes().remarks.clone()
+    }
+
+    /// Keeps the places from which the points of a cloud were seen.
+    pub(crate) fn seen_from(&self, viewpoints_m: Vec<Vec3>) {
+        self.notes().viewpoints_m = viewpoints_m;
+    }
+
+    /// The places from which the points of the cloud were seen (metres, in its frame), as far as the file says so;
+    /// empty before the cloud is read.
+    pub fn viewpoints_m(&self) -> Vec<Vec3> {
+        self.notes().viewpoints_m.clone()
+    }
+
+    fn notes(&self) -> MutexGuard<'_, Notes> {
+        let notes = self.0.notes.lock();
+        notes.unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The path of the file, which may also name a part of the file after a `#`.

@@ -93,6 +93,7 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                     names.push(name);
                 }
             }
+            let first = gathering.len();
             points.apply_pose(false);
             points.normalize_intensity(false);
             points.normalize_color(false);
@@ -109,6 +110,9 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                 }
                 let intensity = point.intensity.map_or(f64::NAN, f64::from);
                 gathering.push(world_from_scanner.map(&p), f64::NAN, intensity);
+            }
+            if scan.transform.is_some() {
+                gathering.scanned_from(world_from_scanner.map(&Vec3::zeros()), first);
             }
         }
         Ok(())

@@ -12,6 +12,7 @@ pub(crate) struct Fields {
     xyz: [usize; 3],
     intensity: Option<usize>,
     time: Option<usize>,
+    viewpoint: Option<[usize; 3]>,
     remarks: Vec<String>,
 }
 
@@ -26,6 +27,16 @@ const TIMES: [&str; 7] = [
     "gpstimes",
 ];
 const INTENSITIES: [&str; 3] = ["intensity", "intensities", "i"];
+
+/// Names of the place from which a point was seen: of the Point Cloud Library, PDAL and others.
+const VIEWPOINTS: [[&str; 3]; 6] = [
+    ["vpx", "vpy", "vpz"],
+    ["beamoriginx", "beamoriginy", "beamoriginz"],
+    ["xorigin", "yorigin", "zorigin"],
+    ["originx", "originy", "originz"],
+    ["xsensor", "ysensor", "zsensor"],
+    ["sensorx", "sensory", "sensorz"],
+];
 
 /// A name without differences of spelling: `scalar_Gps_Time` of CloudCompare becomes `gpstime`.
 fn plain(name: &str) -> String {
@@ -47,8 +58,15 @@ impl Fields {
         // Whole numbers count milliseconds, microseconds or nanoseconds.
         let time = named_time.filter(|at| is_number(*at));
         let intensity = first(&INTENSITIES);
+        let viewpoint = VIEWPOINTS
+            .iter()
+            .find_map(|[x, y, z]| Some([find(x)?, find(y)?, find(z)?]));
         let mut remarks = Vec::new();
-        let used = |at: &usize| xyz.contains(at) || [intensity, time].contains(&Some(*at));
+        let used = |at: &usize| {
+            xyz.contains(at)
+                || [intensity, time].contains(&Some(*at))
+                || viewpoint.is_some_and(|fields| fields.contains(at))
+        };
         let is_named = |at: &usize| names[*at] != "_" && Some(*at) != named_time;
         let left_out = (0..names.len()).filter(|at| !used(at) && is_named(at));
         let left_out: Vec<&str> = left_out.map(|at| names[at].as_str()).collect();
@@ -65,6 +83,7 @@ impl Fields {
             xyz,
             intensity,
             time,
+            viewpoint,
             remarks,
         })
     }
@@ -74,6 +93,9 @@ impl Fields {
         let at = |index: Option<usize>| index.map_or(f64::NAN, |i| values[i]);
         let [x, y, z] = self.xyz.map(|i| values[i]);
         into.push(Vec3::new(x, y, z), at(self.time), at(self.intensity));
+        if let Some(fields) = self.viewpoint {
+            into.seen_from(Vec3::from(fields.map(|i| values[i])));
+        }
     }
 
     /// The cloud, with remarks on the fields that are left out.

@@ -1,10 +1,14 @@
 //! The points of a cloud file as its reader finds them, and what is left out of them.
 
 use crate::cloud::PointCloud;
+use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::{Error, Result};
 use crate::format::input::Input;
 use crate::format::plausible::check_point;
 use crate::geometry::{Vec3, is_finite};
+
+/// Places closer than this are one viewpoint, metres: a scanner that moves has as many as points.
+const VIEWPOINT_STEP_M: f64 = 0.1;
 
 /// Collects the points of a file; the input remarks what is left out of them.
 pub(crate) struct Gathering<'a> {
@@ -14,6 +18,8 @@ pub(crate) struct Gathering<'a> {
     unmeasured: u64,
     /// Points at the origin of their scanner, which were not measured.
     at_scanner: u64,
+    /// The places from which the points were seen, by the decimetre that they lie in.
+    viewpoints_m: VoxelMap<VoxelKey, (usize, Vec3)>,
     /// The error of the first point that is too far away or too late.
     impossible: Option<Error>,
 }
@@ -25,6 +31,7 @@ impl<'a> Gathering<'a> {
             cloud: PointCloud::default(),
             unmeasured: 0,
             at_scanner: 0,
+            viewpoints_m: VoxelMap::default(),
             impossible: None,
         }
     }
@@ -56,6 +63,42 @@ impl<'a> Gathering<'a> {
         self.at_scanner += 1;
     }
 
+    /// Keeps a place from which points were seen; of those within a decimetre, the first.
+    pub(crate) fn seen_from(&mut self, place: Vec3) {
+        if is_finite(&place) {
+            let number = self.viewpoints_m.len();
+            let key = voxel_key(&place, VIEWPOINT_STEP_M);
+            self.viewpoints_m.entry(key).or_insert((number, place));
+        }
+    }
+
+    /// Keeps the place from which the scan that ends here was taken, by the translation of its pose. Programs also
+    /// write a translation of zero for a scan whose pose they do not know: it counts if the scan lies around it.
+    /// `first` is the number of points before the scan.
+    pub(crate) fn scanned_from(&mut self, translation: Vec3, first: usize) {
+        let scan = &self.cloud.points[first.min(self.cloud.points.len())..];
+        let mut bounds = scan
+            .iter()
+            .fold(None, |bounds: Option<(Vec3, Vec3)>, point| {
+                let (low, high) = bounds.unwrap_or((*point, *point));
+                Some((low.inf(point), high.sup(point)))
+            });
+        if translation == Vec3::zeros() {
+            bounds = bounds.filter(|(low, high)| {
+                let size = high - low;
+                (0..3).all(|i| low[i] - size.norm() <= 0.0 && high[i] + size.norm() >= 0.0)
+            });
+        }
+        if bounds.is_some() {
+            self.seen_from(translation);
+        }
+    }
+
+    /// Number of points so far.
+    pub(crate) fn len(&self) -> usize {
+        self.cloud.points.len()
+    }
+
     /// Makes room for this many points.
     pub(crate) fn reserve(&mut self, points: usize) {
         self.cloud.points.reserve_exact(points);
@@ -72,6 +115,10 @@ impl<'a> Gathering<'a> {
             return Err(error);
         }
         self.cloud.forget_absent();
+        let mut viewpoints: Vec<(usize, Vec3)> = self.viewpoints_m.into_values().collect();
+        viewpoints.sort_unstable_by_key(|(number, _)| *number);
+        let places = viewpoints.into_iter().map(|(_, place)| place);
+        self.input.seen_from(places.collect());
         let left_out = [
             (self.unmeasured, "record", "without a position"),
             (

@@ -156,6 +156,13 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
     if let Some(remark) = header.viewpoint.as_deref().and_then(viewpoint_remark) {
         input.remark(remark);
     }
+    // The origin is written where nothing is known.
+    let place = header.viewpoint.as_deref().and_then(|v| v.first_chunk());
+    let place = place.map(|place| Vec3::from(*place));
+    place
+        .filter(|place| *place != Vec3::zeros())
+        .into_iter()
+        .for_each(|place| cloud.seen_from(place));
     let mut values = vec![0.0; header.names.len()];
     let sizes: Vec<usize> = header
         .types

@@ -137,6 +137,7 @@ pub(crate) fn read_ptx(input: &Input) -> Result<PointCloud> {
             next(4, "the transform", &mut cells, &mut lines)?;
             line.copy_from_slice(&cells[..3]);
         }
+        let first = gathering.len();
         for _ in 0..columns.saturating_mul(rows) {
             next(3, "the points of the grid", &mut cells, &mut lines)?;
             let p = [cells[0], cells[1], cells[2]];
@@ -149,6 +150,7 @@ pub(crate) fn read_ptx(input: &Input) -> Result<PointCloud> {
             gathering.push(point, f64::NAN, intensity(&cells));
             widest = cells.len().max(widest);
         }
+        gathering.scanned_from(Vec3::from(m[3]), first);
     }
     if let Some(remark) = left_out(widest) {
         input.remark(remark);
