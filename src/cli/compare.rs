@@ -4,17 +4,18 @@ use std::path::PathBuf;
 
 use super::context::{Context, Force, out_folder};
 use super::pdf::Pdf;
-use super::values::{direction, not_negative, positive};
-use crate::comparison::{Aggregation, ComparisonSettings, Detection};
+use super::values::{direction, not_negative, place, positive};
+use crate::comparison::{Aggregation, Detection, OpenSettings, Scales};
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::pipeline::{self, Outcome};
-use crate::tiles::{Comparison, NormalSource};
+use crate::tiles::{Comparison, NormalSource, Orientation};
 
 /// Measure the distances between two clouds along their normals (M3C2)
 ///
 /// Distances are positive where the cloud lies beyond the reference in the direction of the normal.
-/// Sizes are radii; with --diameter they are diameters, as in CloudCompare.
+/// Sizes are radii; with --diameter they are diameters, as in CloudCompare. Those that are not given
+/// follow from the spacing of the points and the roughness of the reference, and are printed.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub(super) struct Compare {
@@ -29,27 +30,32 @@ pub(super) struct Compare {
     /// normals unless radii or a direction are given [default: the reference, thinned]
     #[arg(long, value_name = "FILE", conflicts_with = "core_spacing_m")]
     core: Option<PathBuf>,
-    /// Spacing of the core points [default: 0.02]
+    /// Spacing of the core points [default: the diameter of the cylinder]
     #[arg(long, value_name = "M", value_parser = positive)]
     core_spacing_m: Option<f64>,
     /// Radii of the neighbourhoods for normals, separated by commas; the most planar one is used
-    /// [default: 0.04]
+    /// [default: one, from which the neighbourhoods are 25 times as wide as they are rough]
     #[arg(long, value_name = "M,...", value_parser = positive, value_delimiter = ',')]
     normal_radii_m: Option<Vec<f64>>,
     /// One direction instead of estimated normals: `vertical`, or east,north,up
     #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true, conflicts_with_all = ["normal_radii_m", "orientation"])]
     direction: Option<Vec3>,
-    /// Direction that estimated normals are oriented towards, east,north,up [default: 0,0,1]
+    /// Direction that estimated normals are oriented towards, east,north,up [default: towards the
+    /// nearest position of a scanner in the file of the reference, or of the cloud; 0,0,1 if there is none]
     #[arg(long, value_name = "E,N,U", value_parser = direction, allow_hyphen_values = true)]
     orientation: Option<Vec3>,
-    /// Radius of the cylinder [default: 0.02]
+    /// A place from which the surface was seen, east,north,up in metres; estimated normals point
+    /// towards the nearest one (may be given more than once)
+    #[arg(long, value_name = "E,N,U", value_parser = place, allow_hyphen_values = true, conflicts_with_all = ["orientation", "direction"])]
+    viewpoint: Vec<Vec3>,
+    /// Radius of the cylinder [default: 20 points of either cloud in it]
     #[arg(long, value_name = "M", value_parser = positive)]
     cylinder_radius_m: Option<f64>,
     /// --normal-radii-m and --cylinder-radius-m are diameters; --max-distance-m stays half the
     /// length of the cylinder, which is CloudCompare's projection depth
     #[arg(long)]
     diameter: bool,
-    /// Half length of the cylinder [default: 0.1]
+    /// Half length of the cylinder [default: five radii, more if the clouds lie farther apart]
     #[arg(long, value_name = "M", value_parser = positive)]
     max_distance_m: Option<f64>,
     /// Cylinders extend along the normal only, not against it, for both clouds
@@ -96,7 +102,11 @@ impl Compare {
     }
 
     fn normals(&self) -> NormalSource {
-        let orientation = self.orientation.unwrap_or(Vec3::z());
+        let orientation = match self.orientation {
+            Some(direction) => Orientation::Direction(direction),
+            None if self.viewpoint.is_empty() => Orientation::Scanners,
+            None => Orientation::SeenFrom(self.viewpoint.clone()),
+        };
         match self.direction {
             Some(direction) => NormalSource::Fixed(direction),
             None if self.normal_radii_m.is_some() => NormalSource::Reference { orientation },
@@ -104,23 +114,17 @@ impl Compare {
         }
     }
 
-    fn settings(&self) -> ComparisonSettings {
-        let default = ComparisonSettings::default();
+    fn settings(&self) -> OpenSettings {
         let radius = |value: f64| if self.diameter { value / 2.0 } else { value };
         let radii = |values: &Vec<f64>| values.iter().copied().map(radius).collect();
-        ComparisonSettings {
-            core_spacing_m: self.core_spacing_m.unwrap_or(default.core_spacing_m),
-            normal_radii_m: self
-                .normal_radii_m
-                .as_ref()
-                .map_or(default.normal_radii_m, radii),
-            cylinder_radius_m: self
-                .cylinder_radius_m
-                .map_or(default.cylinder_radius_m, radius),
-            max_distance_m: self.max_distance_m.unwrap_or(default.max_distance_m),
-            registration_error_m: self
-                .registration_error_m
-                .unwrap_or(default.registration_error_m),
+        OpenSettings {
+            scales: Scales {
+                core_spacing_m: self.core_spacing_m,
+                normal_radii_m: self.normal_radii_m.as_ref().map(radii),
+                cylinder_radius_m: self.cylinder_radius_m.map(radius),
+                max_distance_m: self.max_distance_m,
+            },
+            registration_error_m: self.registration_error_m.unwrap_or(0.0),
             aggregation: if self.robust {
                 Aggregation::Median
             } else {
@@ -132,7 +136,7 @@ impl Compare {
                 Detection::Normal
             },
             one_sided: self.one_sided,
-            min_points: self.min_points.unwrap_or(default.min_points),
+            min_points: self.min_points,
         }
     }
 }
@@ -142,6 +146,7 @@ mod tests {
     use clap::{CommandFactory, Parser};
 
     use super::*;
+    use crate::comparison::ComparisonSettings;
 
     #[derive(Debug, Parser)]
     struct Line {
@@ -170,13 +175,9 @@ mod tests {
             let (_, value) = help.split_once("[default: ").unwrap();
             value.trim_end_matches(']').parse::<f64>().unwrap()
         };
-        assert_eq!(named("core_spacing_m"), default.core_spacing_m);
-        assert_eq!([named("normal_radii_m")], default.normal_radii_m[..]);
-        assert_eq!(named("cylinder_radius_m"), default.cylinder_radius_m);
-        assert_eq!(named("max_distance_m"), default.max_distance_m);
         assert_eq!(named("registration_error_m"), default.registration_error_m);
         assert_eq!(named("min_points"), f64::from(default.min_points));
-        assert_eq!(parse(&[]).unwrap().settings(), default);
+        assert_eq!(parse(&[]).unwrap().settings(), OpenSettings::default());
     }
 
     #[test]
@@ -187,17 +188,17 @@ mod tests {
             "--max-distance-m=0.7",
         ];
         let radii = parse(&args).unwrap().settings();
-        assert_eq!(radii.normal_radii_m, [0.3, 0.5]);
+        assert_eq!(radii.scales.normal_radii_m, Some(vec![0.3, 0.5]));
         let diameters = parse(&[&args[..], &["--diameter"]].concat()).unwrap();
-        let expected = ComparisonSettings {
-            normal_radii_m: vec![0.15, 0.25],
-            cylinder_radius_m: 0.1,
-            ..radii
+        let expected = Scales {
+            normal_radii_m: Some(vec![0.15, 0.25]),
+            cylinder_radius_m: Some(0.1),
+            ..radii.scales
         };
-        assert_eq!(diameters.settings(), expected);
-        // Defaults are radii.
+        assert_eq!(diameters.settings().scales, expected);
+        // Scales that are not given are measured, and are radii.
         let default = parse(&["--diameter"]).unwrap().settings();
-        assert_eq!(default, ComparisonSettings::default());
+        assert_eq!(default, OpenSettings::default());
     }
 
     #[test]
@@ -210,9 +211,14 @@ mod tests {
             normals(&["--direction", "-1,0,.5"]),
             NormalSource::Fixed(west)
         );
-        assert_eq!(normals(&[]), NormalSource::Core { orientation: up });
+        let core = |orientation| NormalSource::Core { orientation };
+        assert_eq!(normals(&[]), core(Orientation::Scanners));
+        let places = normals(&["--viewpoint=0,0,0", "--viewpoint", "-1,0,.5"]);
+        let seen_from = Orientation::SeenFrom(vec![Vec3::zeros(), west]);
+        assert_eq!(places, core(seen_from));
         let turned = normals(&["--orientation=-1,0,.5", "--normal-radii-m=1"]);
-        assert_eq!(turned, NormalSource::Reference { orientation: west });
+        let orientation = Orientation::Direction(west);
+        assert_eq!(turned, NormalSource::Reference { orientation });
         for bad in ["0,0,0", "1,2", "1,2,3,4", "nan,0,0", "down"] {
             assert!(parse(&["--direction", bad]).is_err(), "{bad}");
         }
@@ -220,6 +226,8 @@ mod tests {
             &["--direction=vertical", "--normal-radii-m=1"][..],
             &["--core=a.csv", "--core-spacing-m=1"],
             &["--min-points=0"],
+            &["--viewpoint=1,2"],
+            &["--viewpoint=1,2,3", "--orientation=0,0,1"],
         ] {
             assert!(parse(both).is_err(), "{both:?}");
         }

@@ -46,6 +46,15 @@ pub(super) fn direction(text: &str) -> Result<Vec3, String> {
     }
 }
 
+/// East,north,up in metres.
+pub(super) fn place(text: &str) -> Result<Vec3, String> {
+    let components: Option<Vec<f64>> = text.split(',').map(number).collect();
+    match components.as_deref() {
+        Some([east, north, up]) => Ok(Vec3::new(*east, *north, *up)),
+        _ => Err("expected three numbers: east,north,up".to_owned()),
+    }
+}
+
 fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|x: &f64| x.is_finite())
 }

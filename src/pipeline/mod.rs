@@ -40,6 +40,7 @@ mod program;
 mod recorded;
 pub mod result;
 mod rig;
+mod scales;
 mod scene;
 pub mod stages;
 pub mod start;

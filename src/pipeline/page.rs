@@ -6,13 +6,16 @@ use std::time::SystemTime;
 
 use super::drives::name_of;
 use super::findings::{Extras, Findings};
-use crate::comparison::{Against, Agreement, DistanceMap, M3c2, MountingKind, Statistics};
+use super::scales;
+use crate::comparison::{
+    Against, Aggregation, Agreement, Detection, DistanceMap, MountingKind, Statistics,
+};
 use crate::error::Result;
 use crate::project::{Motion, Project};
 use crate::report::content::{self, Content, Fact, Platform};
 use crate::report::scene::Scene;
 use crate::results::Drive;
-use crate::tiles::{Comparison, NormalSource, peak_memory_bytes};
+use crate::tiles::{Compared, Comparison, peak_memory_bytes};
 
 /// Content of the page of a run, or of a calibration.
 ///
@@ -114,7 +117,7 @@ pub fn trajectory<'a>(
 /// Content of the page of two clouds that were compared.
 pub fn comparison(
     comparison: &Comparison,
-    distances: &M3c2,
+    work: &Compared,
     statistics: Statistics,
 ) -> Content<'static> {
     let name = |path: &Path| {
@@ -122,30 +125,11 @@ pub fn comparison(
         name.to_string_lossy().into_owned()
     };
     let (cloud, reference) = (name(&comparison.cloud), name(&comparison.reference));
-    let settings = &comparison.settings;
-    let radii: Vec<String> = settings.normal_radii_m.iter().map(f64::to_string).collect();
-    let normals = match &comparison.normals {
-        NormalSource::Core { .. } | NormalSource::Reference { .. } => {
-            format!("radii of {} m", radii.join(", "))
-        }
-        NormalSource::Fixed(direction) => {
-            format!("{}, {}, {} for all", direction.x, direction.y, direction.z)
-        }
-    };
-    let inputs = vec![
+    let mut inputs = vec![
         fact("cloud", comparison.cloud.display().to_string()),
         fact("reference", comparison.reference.display().to_string()),
-        fact("normals", normals),
-        fact(
-            "radius of the cylinder",
-            format!("{} m", settings.cylinder_radius_m),
-        ),
-        fact("half its length", format!("{} m", settings.max_distance_m)),
-        fact(
-            "registration error",
-            format!("{} m", settings.registration_error_m),
-        ),
     ];
+    inputs.extend(settings_facts(comparison, work));
     Content {
         made_s: Some(now_s()),
         title: format!("{cloud} against {reference}"),
@@ -163,7 +147,7 @@ pub fn comparison(
                 mounting: MountingKind::Final,
                 statistics,
                 coverage: f64::NAN,
-                distances: DistanceMap::of(distances),
+                distances: DistanceMap::of(&work.m3c2),
             },
         }),
         peak_memory_bytes: peak_memory_bytes(),
@@ -171,7 +155,52 @@ pub fn comparison(
     }
 }
 
-fn fact(label: &str, value: String) -> Fact {
+/// The settings of a comparison, each with its option.
+fn settings_facts(comparison: &Comparison, work: &Compared) -> Vec<Fact> {
+    let settings = &work.settings;
+    let mut facts = Vec::new();
+    if let Some(core) = &comparison.core {
+        facts.push(fact("core points (--core)", core.display().to_string()));
+    }
+    facts.push(scales::normals(comparison, work));
+    for scale in scales::scales(comparison, work) {
+        let origin = if scale.is_given { "given" } else { "measured" };
+        let label = format!("{} ({})", scale.name, scale.option);
+        facts.push(fact(&label, format!("{} m, {origin}", scale.value_m)));
+    }
+    if let Some(measured) = &work.measured {
+        facts.push(fact("what is measured", scales::reasons(measured)));
+    }
+    let (middle, option) = match settings.aggregation {
+        Aggregation::Mean => ("mean and standard deviation", "default"),
+        Aggregation::Median => ("median and inter-quartile range", "--robust"),
+    };
+    facts.push(fact("points of a cylinder", format!("{middle} ({option})")));
+    let (distribution, option) = match settings.detection {
+        Detection::Normal => ("normal distribution", "default"),
+        Detection::Student => ("Student's t", "--student"),
+    };
+    facts.push(fact(
+        "level of detection",
+        format!("{distribution} ({option})"),
+    ));
+    if settings.one_sided {
+        let text = "along the normal only (--one-sided)";
+        facts.push(fact("cylinders", text.to_owned()));
+    }
+    facts.push(fact(
+        "points for a distance (--min-points)",
+        format!("{} or more of each cloud", settings.min_points),
+    ));
+    facts.push(fact(
+        "registration error (--registration-error-m)",
+        format!("{} m", settings.registration_error_m),
+    ));
+    facts
+}
+
+/// A label and its value.
+pub fn fact(label: &str, value: String) -> Fact {
     Fact {
         label: label.into(),
         value,

@@ -10,7 +10,7 @@ use boresight::pipeline::{self, Options, Outcome};
 use boresight::progress::Progress;
 use boresight::project::Project;
 use boresight::simulation::Scenario;
-use boresight::tiles::{Comparison, FeatureSettings, NormalSource};
+use boresight::tiles::{Comparison, FeatureSettings, NormalSource, Orientation};
 use boresight::{Error, Result};
 
 /// Cancels the work when it asks for the `at`-th time, and from then on.
@@ -154,7 +154,7 @@ fn commands_on_clouds_can_be_cancelled() {
             reference: cloud.clone(),
             core: None,
             normals: NormalSource::Core {
-                orientation: boresight::geometry::Vec3::z(),
+                orientation: Orientation::default(),
             },
             settings: Default::default(),
             memory_bytes,

@@ -8,7 +8,7 @@ use boresight::format;
 use boresight::geometry::Vec3;
 use boresight::pipeline::{Options, compare};
 use boresight::progress::Silent;
-use boresight::tiles::{Comparison, NormalSource};
+use boresight::tiles::{Comparison, NormalSource, Orientation};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
@@ -63,14 +63,15 @@ fn tiles_give_the_same_bytes_as_one_piece() {
         reference,
         core: None,
         normals: NormalSource::Core {
-            orientation: Vec3::z(),
+            orientation: Orientation::Direction(Vec3::z()),
         },
         settings: ComparisonSettings {
             core_spacing_m: 0.05,
             normal_radii_m: vec![0.03, 0.06],
             max_distance_m: 0.05,
             ..ComparisonSettings::default()
-        },
+        }
+        .into(),
         memory_bytes: Some(4 << 30),
     };
     let in_tiles = |comparison: &Comparison| Comparison {
@@ -92,6 +93,9 @@ fn tiles_give_the_same_bytes_as_one_piece() {
     assert!((result["median_m"].as_f64().unwrap() - 0.006).abs() < 5e-4);
     assert!(result["n"].as_u64() < result["core_points"].as_u64());
     assert!(!at("tiles").join("reference-tiles").exists());
+
+    // What is given, or not needed, is not measured.
+    assert!(result["measured"].is_null() && by_tiles["measured"].is_null());
 
     // The table can be read as core points with normals, which gives the same numbers again.
     let known: String =
@@ -128,7 +132,7 @@ fn tiles_give_the_same_bytes_as_one_piece() {
     // If normals of the reference are requested, those in the file are not used.
     let recomputed = Comparison {
         normals: NormalSource::Reference {
-            orientation: Vec3::z(),
+            orientation: Orientation::Direction(Vec3::z()),
         },
         ..again
     };
@@ -160,12 +164,15 @@ fn distances_of_walls_under_an_upward_orientation_are_said_to_have_arbitrary_sig
             cloud: cloud.clone(),
             reference: reference.clone(),
             core: None,
-            normals: NormalSource::Core { orientation },
+            normals: NormalSource::Core {
+                orientation: Orientation::Direction(orientation),
+            },
             settings: ComparisonSettings {
                 core_spacing_m: 0.1,
                 normal_radii_m: vec![0.15],
                 ..ComparisonSettings::default()
-            },
+            }
+            .into(),
             memory_bytes: Some(4 << 30),
         };
         let options = Options {

@@ -28,6 +28,7 @@ mod inspect;
 mod joint;
 mod kernels;
 mod m3c2;
+mod m3c2_defaults;
 mod m3c2_files;
 mod m3c2_options;
 mod mischief;

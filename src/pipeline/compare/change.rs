@@ -11,7 +11,7 @@ use crate::output::Staging;
 use crate::pipeline::page;
 use crate::progress::Progress;
 use crate::report::{self, Content};
-use crate::tiles::{self, Comparison, NormalSource};
+use crate::tiles::{self, Comparison, NormalSource, Orientation};
 
 /// The page of a change.
 pub const PAGE: &str = "change.html";
@@ -40,15 +40,15 @@ pub fn change(
         reference: reference?,
         core: None,
         normals: NormalSource::Core {
-            orientation: Vec3::z(),
+            orientation: Orientation::Direction(Vec3::z()),
         },
-        settings: settings.clone(),
+        settings: settings.clone().into(),
         memory_bytes,
     };
-    let distances = tiles::compare(&comparison, &staging, progress)?.m3c2;
-    let statistics = Statistics::of(&distances)?;
+    let work = tiles::compare(&comparison, &staging, progress)?;
+    let statistics = Statistics::of(&work.m3c2)?;
     let reference = &comparison.reference;
-    cloud::write(&staging.path(CLOUD), &distances, reference, progress)?;
+    cloud::write(&staging.path(CLOUD), &work.m3c2, reference, progress)?;
     for path in joined.iter().filter(|path| path.exists()) {
         std::fs::remove_file(path).map_err(|error| Error::io(path, error))?;
     }
@@ -62,7 +62,7 @@ pub fn change(
         command: String::new(),
         made_s: None,
         peak_memory_bytes: None,
-        ..page::comparison(&shown, &distances, statistics.clone())
+        ..page::comparison(&shown, &work, statistics.clone())
     };
     let path = staging.path(PAGE);
     std::fs::write(&path, report::render(&content)).map_err(|error| Error::io(&path, error))?;

@@ -9,12 +9,13 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::{Options, Outcome, page};
-use crate::comparison::{Aggregation, ComparisonSettings, M3c2, Statistics};
-use crate::error::{Error, Result};
+use super::{Options, Outcome, page, scales};
+use crate::comparison::{Aggregation, ComparisonSettings, Statistics};
+use crate::error::{Error, Problem, Result};
+use crate::geometry::Vec3;
 use crate::progress::Progress;
 use crate::report;
-use crate::tiles::{self, Comparison, NormalSource, peak_memory_bytes};
+use crate::tiles::{self, Compared, Comparison, Orientation, peak_memory_bytes};
 
 /// Cosine from the orientation below which noise decides to which side a computed normal points: 75°.
 const ACROSS: f64 = 0.26;
@@ -32,11 +33,11 @@ pub fn compare(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let settings = &comparison.settings;
     let names = ["m3c2.laz", "m3c2.csv", "compare.html"];
     let staging = options.staging(&comparison.inputs(), &names)?;
     let work = tiles::compare(comparison, &staging, progress)?;
-    let statistics = Statistics::of(&work.m3c2)?;
+    let settings = &work.settings;
+    let statistics = Statistics::of(&work.m3c2).map_err(|error| with_options(error, settings))?;
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.m3c2)?;
     cloud::write(
@@ -45,19 +46,18 @@ pub fn compare(
         &comparison.reference,
         progress,
     )?;
-    let page = report::render(&page::comparison(
-        comparison,
-        &work.m3c2,
-        statistics.clone(),
-    ));
+    let page = report::render(&page::comparison(comparison, &work, statistics.clone()));
     let path = staging.path("compare.html");
     std::fs::write(&path, page).map_err(|error| Error::io(&path, error))?;
     progress.check()?;
     staging.commit()?;
     let seconds = |seconds: f64| json!({ "seconds": seconds });
-    let across = normals_across(&work.m3c2, comparison.normals);
+    let across = normals_across(&work);
     let mut result = json!(statistics);
     result["normals_across_orientation"] = json!(across);
+    result["viewpoints_m"] = json!(scales::viewpoints(&work));
+    result["settings"] = json!(settings);
+    result["measured"] = json!(work.measured);
     result["stages"] = json!({
         "read": seconds(work.read_s),
         "index": seconds(work.index_s),
@@ -69,39 +69,80 @@ pub fn compare(
     result["peak_memory_bytes"] = json!(peak_memory_bytes());
     Ok(Outcome {
         result,
-        summary: summary(&statistics, settings) + &arbitrary_signs(across, statistics.n),
+        summary: summary(&statistics, settings)
+            + &scales::told(comparison, &work)
+            + &arbitrary_signs(across, statistics.n, work.orientation.as_ref()),
         files: names.map(|name| options.out.join(name)).into(),
         ..Outcome::default()
     })
 }
 
-/// Number of distances whose computed normals lie across the orientation.
-fn normals_across(m3c2: &M3c2, source: NormalSource) -> usize {
-    let (NormalSource::Core { orientation } | NormalSource::Reference { orientation }) = source
-    else {
-        return 0;
+/// The error of clouds that do not overlap, with the options of the command as its remedy; any other as it is.
+fn with_options(error: Error, settings: &ComparisonSettings) -> Error {
+    match error {
+        Error::Data {
+            kind: kind @ Problem::NoOverlap,
+            problem,
+            ..
+        } => Error::of(
+            kind,
+            problem,
+            format!(
+                "check that both clouds are in the same frame and overlap; if they lie more than {} m apart, give more with \
+                 --max-distance-m; if their points lie far apart, wider neighbourhoods and cylinders with \
+                 --normal-radii-m and --cylinder-radius-m (here {} m and {} m)",
+                settings.max_distance_m,
+                scales::list(&settings.normal_radii_m),
+                settings.cylinder_radius_m
+            ),
+        ),
+        other => other,
+    }
+}
+
+/// Number of distances whose computed normals lie across the direction that they are oriented towards.
+fn normals_across(work: &Compared) -> usize {
+    let towards = |point: &Vec3| match &work.orientation {
+        Some(Orientation::Direction(direction)) => *direction,
+        Some(Orientation::SeenFrom(places)) => {
+            let offsets = places.iter().map(|place| place - point);
+            let nearest = offsets.min_by(|a, b| a.norm().total_cmp(&b.norm()));
+            nearest.unwrap_or(Vec3::zeros())
+        }
+        Some(Orientation::Scanners) | None => Vec3::zeros(),
     };
-    let orientation = orientation.normalize();
-    let computed = m3c2
+    let computed = work
+        .m3c2
         .core
         .iter()
         .filter(|point| point.distance_m.is_finite() && point.normal_radius_m.is_finite());
-    let across = computed.filter(|point| point.normal.dot(&orientation).abs() < ACROSS);
+    let across = computed.filter(|core| {
+        let towards = towards(&core.point);
+        core.normal.dot(&towards).abs() < ACROSS * towards.norm()
+    });
     across.count()
 }
 
 /// What to do about normals across the orientation; empty if there are few.
-fn arbitrary_signs(across: usize, distances: usize) -> String {
+fn arbitrary_signs(across: usize, distances: usize, orientation: Option<&Orientation>) -> String {
     let share = across as f64 / distances as f64;
     if share < NOTABLE_SHARE {
         return String::new();
     }
-    format!(
-        "\n{across} distances ({:.0} %) have normals within 15° of a right angle to the orientation, as on walls seen with \
-         the orientation up: their signs are arbitrary. Compare such surfaces with --orientation towards where they were \
-         seen from.",
-        100.0 * share
-    )
+    let percent = 100.0 * share;
+    match orientation {
+        Some(Orientation::SeenFrom(_)) => format!(
+            "\n{across} distances ({percent:.0} %) have normals within 15° of a right angle to the line of sight from the \
+             nearest viewpoint: their signs are arbitrary. Name the places from which such surfaces were seen with \
+             --viewpoint."
+        ),
+        _ => format!(
+            "\n{across} distances ({percent:.0} %) have normals within 15° of a right angle to the orientation, as on walls \
+             and trunks seen with the orientation up: their signs are arbitrary, and their mean is near 0 whatever has \
+             changed. Name the places from which the surfaces were seen with --viewpoint east,north,up, or a direction \
+             towards them with --orientation."
+        ),
+    }
 }
 
 fn summary(statistics: &Statistics, settings: &ComparisonSettings) -> String {

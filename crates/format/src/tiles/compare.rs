@@ -9,8 +9,8 @@ use super::source::CloudSource;
 use super::stage::stage;
 use super::store::TileStore;
 use crate::comparison::{
-    ComparisonSettings, CoreDistance, IndexedClouds, M3c2, Normals, core_indices, core_points,
-    reach_m,
+    ComparisonSettings, CoreDistance, IndexedClouds, M3c2, MeasuredScales, Normals, OpenSettings,
+    StreamedCloud, core_indices, core_points, reach_m,
 };
 use crate::error::Result;
 use crate::format::{self, CorePoints};
@@ -18,6 +18,8 @@ use crate::geometry::Vec3;
 use crate::output::Staging;
 use crate::progress::{Progress, Silent};
 
+/// Number of points measured between two looks at whether to stop.
+const CHUNK: usize = 100_000;
 /// Memory for each point of the two clouds in one piece, bytes: as read, as indexed, and during
 /// indexing.
 const BYTES_A_POINT: u64 = 160;
@@ -35,8 +37,8 @@ pub struct Comparison {
     pub core: Option<PathBuf>,
     /// The source of the normals.
     pub normals: NormalSource,
-    /// Radii and other settings.
-    pub settings: ComparisonSettings,
+    /// Radii and other settings. Scales that are not given are measured.
+    pub settings: OpenSettings,
     /// Memory limit, bytes; `None` for half of the free memory. Clouds that fit are compared in one
     /// piece, larger ones tile by tile; the results are the same. About 150 MB, and 20 MB per
     /// thread while a file is read, are used in any case; results and core points from a file are
@@ -54,21 +56,33 @@ impl Comparison {
 }
 
 /// The source of the normals of the core points.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum NormalSource {
-    /// The file of core points if it contains normals, else the reference; computed normals are
-    /// oriented towards this direction.
+    /// The file of core points if it contains normals, else the reference.
     Core {
-        /// Non-zero, of any length.
-        orientation: Vec3,
+        /// Of normals computed from the reference.
+        orientation: Orientation,
     },
     /// The reference, even if the file of core points contains normals.
     Reference {
-        /// Non-zero, of any length.
-        orientation: Vec3,
+        /// Of the normals.
+        orientation: Orientation,
     },
     /// One direction for all.
     Fixed(Vec3),
+}
+
+/// Where computed normals point to.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Orientation {
+    /// Towards the nearest of the scanners' places in the file of the reference, else in that of the
+    /// cloud; if neither names one, up.
+    #[default]
+    Scanners,
+    /// Along a direction: non-zero, of any length.
+    Direction(Vec3),
+    /// Towards the nearest of these places, metres; at least one.
+    SeenFrom(Vec<Vec3>),
 }
 
 /// A comparison, and the times of its stages.
@@ -76,6 +90,12 @@ pub enum NormalSource {
 pub struct Compared {
     /// The result at each core point.
     pub m3c2: M3c2,
+    /// The settings that were used.
+    pub settings: ComparisonSettings,
+    /// Where computed normals point to: a direction or places; `None` if none were computed.
+    pub orientation: Option<Orientation>,
+    /// What the scales were measured from; `None` if all were given.
+    pub measured: Option<MeasuredScales>,
     /// Number of tiles; 1 if compared in one piece.
     pub tiles: usize,
     /// The memory limit, bytes.
@@ -105,6 +125,9 @@ pub fn compare(
     let core = core.transpose()?;
     let mut work = Compared {
         m3c2: M3c2::default(),
+        settings: comparison.settings.closed(None),
+        orientation: orientation_of(comparison, &clouds, core.as_ref()),
+        measured: None,
         tiles: 1,
         memory_bytes: budget.bytes,
         read_s: 0.0,
@@ -115,6 +138,19 @@ pub fn compare(
     if points <= budget.points(BYTES_A_POINT).min(u64::from(u32::MAX)) {
         in_one_piece(comparison, clouds, core, &mut work, progress)?;
     } else {
+        measure(
+            comparison,
+            StreamedCloud {
+                count: clouds[0].len(),
+                points: &mut |each| clouds[0].stream(progress, each),
+            },
+            StreamedCloud {
+                count: clouds[1].len(),
+                points: &mut |each| clouds[1].stream(progress, each),
+            },
+            &mut work,
+            progress,
+        )?;
         let folders = ["reference-tiles", "compared-tiles"].map(|name| staging.path(name));
         let tile_points = budget.tile_points(BYTES_A_TILE_POINT);
         let [reference, compared] = clouds;
@@ -136,6 +172,32 @@ pub fn compare(
     Ok(work)
 }
 
+/// Measures the scales that are needed and not given, which reads each cloud two or three times.
+fn measure(
+    comparison: &Comparison,
+    reference: StreamedCloud<'_>,
+    compared: StreamedCloud<'_>,
+    work: &mut Compared,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let given = &comparison.settings.scales;
+    let is_open = given.cylinder_radius_m.is_none()
+        || given.max_distance_m.is_none()
+        || (given.core_spacing_m.is_none() && comparison.core.is_none())
+        || (given.normal_radii_m.is_none() && work.orientation.is_some());
+    if !is_open {
+        return Ok(());
+    }
+    let total = 2 * reference.count + 3 * compared.count;
+    let name = "measuring the spacing of the points";
+    let (measured, _) = stage(progress, name, total, || {
+        MeasuredScales::of(reference, compared)
+    })?;
+    work.settings = comparison.settings.closed(measured.as_ref());
+    work.measured = measured;
+    Ok(())
+}
+
 fn in_one_piece(
     comparison: &Comparison,
     clouds: [CloudSource; 2],
@@ -143,13 +205,34 @@ fn in_one_piece(
     work: &mut Compared,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let settings = &comparison.settings;
     let (reference, compared) = (clouds[0].points(progress)?, clouds[1].points(progress)?);
+    let in_pieces = |points: &[Vec3], each: &mut dyn FnMut(&[Vec3]) -> Result<()>| {
+        points.chunks(CHUNK).try_for_each(|piece| {
+            each(piece)?;
+            progress.advance(piece.len() as u64);
+            progress.check()
+        })
+    };
+    measure(
+        comparison,
+        StreamedCloud {
+            count: clouds[0].len(),
+            points: &mut |each| in_pieces(&reference, each),
+        },
+        StreamedCloud {
+            count: clouds[1].len(),
+            points: &mut |each| in_pieces(&compared, each),
+        },
+        work,
+        progress,
+    )?;
+    let settings = &work.settings.clone();
     let core = core.unwrap_or_else(|| CorePoints {
         points: core_points(&reference, settings),
         normals: Vec::new(),
     });
-    let normals = normals_of(comparison, Some(&core), progress);
+    let orientation = work.orientation.clone();
+    let normals = normals_of(comparison, Some(&core), orientation.as_ref(), progress);
     let (indexed, seconds) = stage(progress, "indexing the clouds", 0, || {
         IndexedClouds::new(&reference, &compared, normals, settings)
     })?;
@@ -174,8 +257,9 @@ fn by_tiles(
     work: &mut Compared,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let normals = normals_of(comparison, core, progress);
-    let settings = &comparison.settings;
+    let orientation = work.orientation.clone();
+    let normals = normals_of(comparison, core, orientation.as_ref(), progress);
+    let settings = &work.settings.clone();
     let (low, high) = reference.extent();
     // Moving the sides rounds them, which must not lose a point.
     let wide = |margin_m: f64| margin_m * (1.0 + 1e-6) + 1e-12 * low.amax().max(high.amax());
@@ -187,7 +271,7 @@ fn by_tiles(
             None => {
                 // Loads all points of every voxel that reaches into the tile.
                 let near = reference.within(&rectangle.widened(wide(settings.core_spacing_m)))?;
-                thinned(&near.indices, &near.points, rectangle, comparison)
+                thinned(&near.indices, &near.points, rectangle, settings)
             }
         };
         let tile_normals = match normals {
@@ -233,29 +317,62 @@ fn thinned(
     indices: &[u64],
     points: &[Vec3],
     tile: &Rectangle,
-    comparison: &Comparison,
+    settings: &ComparisonSettings,
 ) -> (Vec<u64>, Vec<Vec3>) {
-    let in_tile = core_indices(points, &comparison.settings)
+    let in_tile = core_indices(points, settings)
         .into_iter()
         .map(|at| at as usize)
         .filter(|&at| tile.contains(&points[at]));
     in_tile.map(|at| (indices[at], points[at])).unzip()
 }
 
-fn normals_of<'a>(
+/// The core points' own normals, if they are to be used.
+fn given_normals<'a>(comparison: &Comparison, core: Option<&'a CorePoints>) -> Option<&'a [Vec3]> {
+    let normals = core.map(|core| &core.normals[..]);
+    let are_taken = matches!(comparison.normals, NormalSource::Core { .. });
+    normals.filter(|normals| are_taken && !normals.is_empty())
+}
+
+/// Where the normals point to, if they are computed.
+fn orientation_of(
     comparison: &Comparison,
+    clouds: &[CloudSource; 2],
+    core: Option<&CorePoints>,
+) -> Option<Orientation> {
+    let (NormalSource::Core { orientation } | NormalSource::Reference { orientation }) =
+        &comparison.normals
+    else {
+        return None;
+    };
+    if given_normals(comparison, core).is_some() {
+        return None;
+    }
+    if *orientation != Orientation::Scanners {
+        return Some(orientation.clone());
+    }
+    let places = clouds.iter().map(CloudSource::viewpoints_m);
+    let places = places.into_iter().find(|places| !places.is_empty());
+    Some(places.map_or(Orientation::Direction(Vec3::z()), |places| {
+        Orientation::SeenFrom(places.to_vec())
+    }))
+}
+
+fn normals_of<'a>(
+    comparison: &'a Comparison,
     core: Option<&'a CorePoints>,
+    orientation: Option<&'a Orientation>,
     progress: &dyn Progress,
 ) -> Normals<'a> {
-    let given = core.map_or(&[][..], |core| &core.normals);
-    match comparison.normals {
-        NormalSource::Core { .. } if !given.is_empty() => {
-            progress.say("using the normals in the core point file");
-            Normals::Given(given)
-        }
-        NormalSource::Core { orientation } | NormalSource::Reference { orientation } => {
-            Normals::MostPlanar { orientation }
-        }
-        NormalSource::Fixed(direction) => Normals::Fixed(direction),
+    if let Some(given) = given_normals(comparison, core) {
+        progress.say("using the normals in the core point file");
+        return Normals::Given(given);
+    }
+    match (&comparison.normals, orientation) {
+        (NormalSource::Fixed(direction), _) => Normals::Fixed(*direction),
+        (_, Some(Orientation::SeenFrom(places))) => Normals::SeenFrom(places),
+        (_, Some(Orientation::Direction(orientation))) => Normals::MostPlanar {
+            orientation: *orientation,
+        },
+        (_, Some(Orientation::Scanners) | None) => Normals::UPWARDS,
     }
 }

@@ -15,7 +15,7 @@ mod store;
 mod surroundings;
 mod thin;
 
-pub use compare::{Compared, Comparison, NormalSource, compare};
+pub use compare::{Compared, Comparison, NormalSource, Orientation, compare};
 pub use features::{FeatureSettings, FeatureSummary, features};
 pub use memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use plane::{Rectangle, Tiles};

@@ -30,6 +30,8 @@ pub enum CloudSource {
         cloud: PointCloud,
         /// Its coordinate reference system.
         wkt: Option<String>,
+        /// The places from which its points were seen, metres; empty if the file does not tell.
+        viewpoints_m: Vec<Vec3>,
     },
 }
 
@@ -56,7 +58,19 @@ impl CloudSource {
             progress.warn(&format!("{}: {remark}", path.display()));
         }
         let wkt = format::crs_wkt(path)?;
-        Ok(Self::Memory { cloud, wkt })
+        Ok(Self::Memory {
+            cloud,
+            wkt,
+            viewpoints_m: input.viewpoints_m(),
+        })
+    }
+
+    /// The places from which its points were seen, metres; empty if the file does not tell.
+    pub fn viewpoints_m(&self) -> &[Vec3] {
+        match self {
+            Self::Las { .. } => &[],
+            Self::Memory { viewpoints_m, .. } => viewpoints_m,
+        }
     }
 
     /// Number of points; at least one.
@@ -122,7 +136,7 @@ impl CloudSource {
     ) -> Result<f64> {
         let write = || match self {
             Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
-            Self::Memory { cloud, wkt } => {
+            Self::Memory { cloud, wkt, .. } => {
                 format::cloud_to_las(cloud, output, dimensions, wkt.clone(), row, progress)
             }
         };

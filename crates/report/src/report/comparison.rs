@@ -3,8 +3,8 @@
 
 use super::content::Comparison;
 use super::html::{self, escape};
-use super::maps::{core, histogram, limit_m, map_of, top_view};
-use super::raster::Bounds;
+use super::maps::{PIXELS, core, grades, histogram, limit_m, plan, scale, top_view};
+use super::raster::{self, Bounds};
 use crate::number;
 
 /// Share of the levels of detection within the colours of their map, percent.
@@ -22,7 +22,9 @@ pub fn section(comparison: &Comparison) -> String {
         "distances",
         "colours to ±",
         limit_m,
-        top_view("distances", agreement, bounds, limit_m) + &histogram(agreement, limit_m),
+        top_view("distances", agreement, bounds, limit_m)
+            + &scale(limit_m)
+            + &histogram(agreement, limit_m),
     );
     let levels_m: Vec<f64> = agreement.distances.levels_of_detection_m().collect();
     let mut known: Vec<f64> = levels_m.iter().copied().filter(|m| m.is_finite()).collect();
@@ -31,8 +33,15 @@ pub fn section(comparison: &Comparison) -> String {
         let most_m = number::nice_above(most.max(1e-4));
         let places = core(agreement).map(|(place, _)| place);
         let points: Vec<([f64; 2], f64)> = places.zip(levels_m).collect();
-        let map = map_of("Map of the levels of detection", &points, bounds, most_m);
-        cells.push_str(&cell("level of detection", "darkest at", most_m, map));
+        let image = raster::graded(&points, most_m, bounds, PIXELS);
+        let map = plan("Map of the levels of detection", bounds, &[image]);
+        let scale = grades(most_m);
+        cells.push_str(&cell(
+            "level of detection",
+            "colours to",
+            most_m,
+            map + &scale,
+        ));
     }
     format!(
         "{}<figure>\n<div class=\"panels\">{cells}</div>\n</figure>\n<p class=\"note\">Seen from above. A distance \

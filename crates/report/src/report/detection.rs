@@ -1,7 +1,7 @@
 //! Maps of the level of detection, which is the smallest distance that the clouds can show, and of their coverage.
 
 use super::html::{self, escape};
-use super::maps::{PIXELS, plan};
+use super::maps::{PIXELS, grades, plan};
 use super::raster::{self, Bounds};
 use crate::comparison::{Against, Agreement, MountingKind};
 use crate::geometry::Vec3;
@@ -59,11 +59,7 @@ fn panel(agreement: &Agreement, background_m: &[Vec3]) -> String {
     }
     let values: Vec<([f64; 2], f64)> = known.iter().map(|k| (k.0, k.2)).collect();
     images.push(raster::graded(&values, limit_m, bounds, PIXELS));
-    let stops: Vec<String> = (0..=8)
-        .map(|i| raster::grade_css(f64::from(i) / 8.0))
-        .collect();
-    let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
-    let scale = html::ramp("0", &stops, &limit);
+    let scale = grades(limit_m);
     let percent = |share: f64| number::with_unit(number::fixed(100.0 * share, 0), "%");
     format!(
         "<div><h4>{} <small>median {}; {} of the field covered; {} of the distances exceed it</small></h4>\n{}{scale}</div>\n",

@@ -88,12 +88,21 @@ pub fn alone(agreement: &Agreement) -> String {
 }
 
 /// The colour scale of distances up to this limit.
-fn scale(limit_m: f64) -> String {
+pub(super) fn scale(limit_m: f64) -> String {
     let stops: Vec<String> = (0..=10)
         .map(|i| raster::diverging_css(f64::from(i) / 5.0 - 1.0))
         .collect();
     let limit = number::shortest(1e3 * limit_m);
     html::ramp(&format!("−{limit}"), &stops, &format!("+{limit} mm"))
+}
+
+/// The colour scale of levels of detection up to this limit.
+pub(super) fn grades(limit_m: f64) -> String {
+    let stops: Vec<String> = (0..=8)
+        .map(|i| raster::grade_css(f64::from(i) / 8.0))
+        .collect();
+    let limit = number::with_unit(number::shortest(1e3 * limit_m), "mm");
+    html::ramp("0", &stops, &limit)
 }
 
 /// East, north and distance of the core points that have a distance, metres.
@@ -141,23 +150,8 @@ pub(super) fn limit_m(agreement: &Agreement) -> f64 {
 
 pub(super) fn top_view(name: &str, agreement: &Agreement, bounds: Bounds, limit_m: f64) -> String {
     let points: Vec<([f64; 2], f64)> = core(agreement).collect();
-    map_of(
-        &format!("Map of distances, {name}"),
-        &points,
-        bounds,
-        limit_m,
-    )
-}
-
-/// A map of values at places, with colours up to this limit.
-pub(super) fn map_of(
-    title: &str,
-    points: &[([f64; 2], f64)],
-    bounds: Bounds,
-    limit: f64,
-) -> String {
-    let image = raster::coloured(points, limit, bounds, PIXELS);
-    plan(title, bounds, &[image])
+    let image = raster::coloured(&points, limit_m, bounds, PIXELS);
+    plan(&format!("Map of distances, {name}"), bounds, &[image])
 }
 
 /// Images of the ground, the first at the back.
