@@ -176,6 +176,7 @@
 //! | [`mod@format`] | readers and writers, one file per format; detection |
 //! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
 //! | [`trajectory`] | states, factors, graph, batch and online smoother, diagnostics, interpolation |
+//! | [`trajectory_error`] | absolute and relative errors of a trajectory against a reference |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
@@ -205,7 +206,8 @@ pub mod pipeline;
 pub use boresight_cloud::{Error, Problem, Result, nalgebra};
 pub use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics};
 pub use boresight_estimation::{
-    adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory, verdict,
+    adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory,
+    trajectory_error, verdict,
 };
 pub use boresight_format::{format, sensor, tiles};
 pub use boresight_project::{feed, project};

@@ -7,6 +7,7 @@
 //! | [`verdict`] | statements about results, with severity and code |
 //! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
 //! | [`trajectory`] | states, factors, graph, batch and online smoother, diagnostics, interpolation |
+//! | [`trajectory_error`] | absolute and relative errors of a trajectory against a reference |
 //! | [`georeference`] | x_m = t_mb + R_mb (t_bs + R_bs x_s) |
 //! | [`surface`] | neighbourhoods and their planes, derivatives by pose and by mounting |
 //! | [`calibration`] | parameters, cost, adjustment, scales, observability, uncertainty |
@@ -22,6 +23,7 @@ pub mod joint;
 pub mod preflight;
 pub mod surface;
 pub mod trajectory;
+pub mod trajectory_error;
 pub mod verdict;
 
 // The modules of earlier crates, under the names that they have in `boresight`.
