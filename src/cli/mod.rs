@@ -10,6 +10,7 @@ mod context;
 mod convert;
 mod demo;
 mod describe;
+mod evaluate;
 mod features;
 mod georeference;
 mod init;
@@ -88,6 +89,8 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Georeference(georeference::Georeference),
     Compare(compare::Compare),
+    #[command(visible_alias = "compare-trajectories")]
+    Evaluate(evaluate::Evaluate),
     Convert(convert::Convert),
     Features(features::Features),
     Thin(thin::Thin),
@@ -182,6 +185,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             Command::Calibrate(command) => command.execute(&context),
             Command::Georeference(command) => command.execute(&context),
             Command::Compare(command) => command.execute(&context),
+            Command::Evaluate(command) => command.execute(&context),
             Command::Convert(command) => command.execute(&context),
             Command::Features(command) => command.execute(&context),
             Command::Thin(command) => command.execute(&context),

@@ -4,11 +4,23 @@ use std::time::Duration;
 
 use crate::geometry::Vec3;
 
+/// A number above 0.
+pub(super) fn above_zero(text: &str) -> Result<f64, String> {
+    number(text)
+        .filter(|x| *x > 0.0)
+        .ok_or_else(|| "expected a number above 0".to_owned())
+}
+
 /// Metres above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text)
         .filter(|x| *x > 0.0)
         .ok_or_else(|| "expected metres above 0".to_owned())
+}
+
+/// Any finite number.
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    number(text).ok_or_else(|| "expected a number".to_owned())
 }
 
 /// Metres, 0 or more.

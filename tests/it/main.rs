@@ -15,6 +15,7 @@ mod cancel;
 mod cli;
 mod convert;
 mod drift;
+mod evaluate;
 mod faults;
 mod features;
 mod field_cases;

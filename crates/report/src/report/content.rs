@@ -44,6 +44,8 @@ pub struct Content<'a> {
     pub calibrations: Option<Cow<'a, Calibrations>>,
     /// Two clouds compared by themselves.
     pub comparison: Option<Comparison>,
+    /// A trajectory compared with a reference.
+    pub compared_poses: Option<ComparedPoses>,
     /// The calibration drive, then the others.
     pub drives: Cow<'a, [Drive]>,
     /// The clouds of each drive for the viewer; empty if the page has no viewer.
@@ -67,6 +69,34 @@ pub struct Comparison {
     pub reference: String,
     /// The comparison, under the name of the cloud.
     pub agreement: Agreement,
+}
+
+/// A trajectory compared with a reference, at its poses.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct ComparedPoses {
+    /// The errors in numbers.
+    pub rows: Vec<ErrorRow>,
+    /// Times, seconds.
+    pub time_s: Vec<f64>,
+    /// East and north of the reference, metres.
+    pub reference_m: Vec<[f64; 2]>,
+    /// East and north of the aligned estimate, metres.
+    pub estimate_m: Vec<[f64; 2]>,
+    /// Distances between them, metres.
+    pub translation_m: Vec<f64>,
+    /// Angles between the attitudes, radians.
+    pub rotation_rad: Vec<f64>,
+}
+
+/// A kind of error.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ErrorRow {
+    /// For example "ATE, translation".
+    pub name: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// Root mean square, mean, median, standard deviation, least, most.
+    pub values: [f64; 6],
 }
 
 /// Where the sensors are on the body.

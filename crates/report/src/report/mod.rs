@@ -28,6 +28,7 @@ mod marks;
 mod mounting;
 mod page;
 mod platform;
+mod pose_errors;
 mod precision;
 mod provenance;
 mod raster;

@@ -5,7 +5,8 @@ use super::html::{self, escape};
 use super::track::Track;
 use super::{
     adjustment, comparison, convergence, csv, detection, figures, first, joint, joint_figures,
-    maps, mounting, precision, provenance, relative, residual_plots, scene, tables, timeline,
+    maps, mounting, pose_errors, precision, provenance, relative, residual_plots, scene, tables,
+    timeline,
 };
 use crate::calibration::Method;
 use crate::judgement;
@@ -97,6 +98,15 @@ fn sections(content: &Content) -> Vec<(&'static str, &'static str, String)> {
                 .comparison
                 .as_ref()
                 .map(comparison::section)
+                .unwrap_or_default(),
+        ),
+        (
+            "pose-errors",
+            "Errors of the trajectory",
+            content
+                .compared_poses
+                .as_ref()
+                .map(pose_errors::section)
                 .unwrap_or_default(),
         ),
         (
