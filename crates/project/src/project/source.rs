@@ -13,6 +13,26 @@ pub struct Source {
     text: String,
 }
 
+/// The keys that a table needs.
+#[derive(Debug, Clone, Copy)]
+pub struct Required {
+    /// Its name.
+    pub name: &'static str,
+    /// One key of each list must be there.
+    pub keys: &'static [&'static [&'static str]],
+}
+
+/// A table that lacks keys.
+struct Lacking {
+    /// Where it begins in the text.
+    start: usize,
+    at: Location,
+    /// Number of missing keys.
+    keys: usize,
+    /// Which, in words.
+    text: String,
+}
+
 /// One step from a table to one of its values.
 #[derive(Debug, Clone, Copy)]
 pub enum Step<'a> {
@@ -65,6 +85,71 @@ impl Source {
     /// Parses the text.
     pub fn parsed<T: serde::de::DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(&self.text).map_err(|error| self.explain(&error))
+    }
+
+    /// As [`Self::parsed`]; if keys that tables need are missing, the error names all of them.
+    pub fn parsed_with<T: serde::de::DeserializeOwned>(&self, required: &[Required]) -> Result<T> {
+        toml::from_str(&self.text).map_err(|error: toml::de::Error| {
+            let is_missing = error.message().starts_with("missing field");
+            let all = is_missing.then(|| self.refuse_missing(required).err());
+            all.flatten().unwrap_or_else(|| self.explain(&error))
+        })
+    }
+
+    /// Refuses tables that lack more than one of the keys that they need, all together.
+    pub fn refuse_missing(&self, required: &[Required]) -> Result<()> {
+        let missing = self.missing(required);
+        let (first, found) = match missing.as_slice() {
+            [first, _, ..] => (first, "tables without keys that they need"),
+            [only] if only.keys > 1 => (only, "a table without keys that it needs"),
+            _ => return Ok(()),
+        };
+        let tables: Vec<&str> = missing.iter().map(|table| &*table.text).collect();
+        let found = format!("{found}: {}", tables.join("; "));
+        Err(Error::format(&self.path, first.at, found, "these keys"))
+    }
+
+    /// The tables that lack keys, in the order of the file.
+    fn missing(&self, required: &[Required]) -> Vec<Lacking> {
+        let Ok(root) = DeTable::parse(&self.text) else {
+            return Vec::new();
+        };
+        let mut lacking = Vec::new();
+        for (name, value) in root.get_ref().iter() {
+            let name = name.get_ref();
+            let Some(required) = required.iter().find(|table| table.name == name) else {
+                continue;
+            };
+            let elements = value.get_ref().as_array();
+            let elements = elements.map_or(vec![value], |elements| elements.iter().collect());
+            for element in elements {
+                let Some(table) = element.get_ref().as_table() else {
+                    continue;
+                };
+                let has = |key: &str| table.iter().any(|(known, _)| known.get_ref() == key);
+                let lacks = |one_of: &&&[&str]| !one_of.iter().any(|key| has(key));
+                let keys: Vec<String> = required
+                    .keys
+                    .iter()
+                    .filter(lacks)
+                    .map(|one_of| format!("`{}`", one_of.join("` or `")))
+                    .collect();
+                if !keys.is_empty() {
+                    let start = element.span().start;
+                    let at = self.line(start);
+                    let place = at.to_string();
+                    let place = place.trim_start_matches(", ");
+                    lacking.push(Lacking {
+                        start,
+                        at,
+                        keys: keys.len(),
+                        text: format!("[{name}] ({place}) without {}", keys.join(", ")),
+                    });
+                }
+            }
+        }
+        lacking.sort_by_key(|table| table.start);
+        lacking
     }
 
     /// Whether the file begins with this text.

@@ -16,7 +16,7 @@ use std::path::Path;
 
 use super::checked::{Project, Reference};
 use super::source::Source;
-use super::written::Written;
+use super::written::{self, REQUIRED, Written};
 use crate::error::{Error, Result};
 use crate::geometry::Projection;
 use table::Table;
@@ -28,7 +28,14 @@ pub(super) fn read(path: &Path) -> Result<Project> {
 
 /// Checks the text of a project file and converts it to SI units.
 pub(super) fn project(source: &Source) -> Result<Project> {
-    let written: &Written = &source.parsed()?;
+    let written: &Written = &source.parsed_with(&REQUIRED)?;
+    // The reader of the tables does not know that one of two keys is needed.
+    let is_open = |scanner: &written::Scanner| {
+        scanner.rotation_deg.is_none() && scanner.quaternion_xyzw.is_none()
+    };
+    if written.scanner.iter().any(is_open) {
+        source.refuse_missing(&REQUIRED)?;
+    }
     let frame = Table::new(source, "frame");
     let (drives, evaluations) = scanners::other_drives(source, written)?;
     let voxel_sizes_m = settings::voxel_sizes(source, &written.calibration)?;

@@ -37,14 +37,16 @@ pub(super) fn motion(source: &Source, written: &Written) -> Result<Motion> {
             Ok(Motion::Logs(Box::new(logs)))
         }
         imu => {
-            let missing = if imu.is_none() {
-                "[imu]"
-            } else {
-                "[prism] or [gnss]"
-            };
+            let mut missing = Vec::new();
+            if imu.is_none() {
+                missing.push("no [imu]");
+            }
+            if !has_positions {
+                missing.push("no [prism] or [gnss]");
+            }
             Err(source.error(
                 &[],
-                format!("no {missing}"),
+                missing.join(" and "),
                 "[imu] and [prism] or [gnss], or [trajectory] with a file",
             ))
         }

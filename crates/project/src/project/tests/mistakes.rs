@@ -8,6 +8,30 @@ pub(super) fn message(text: &str) -> String {
 }
 
 #[test]
+fn all_missing_keys_are_said_at_once() {
+    let without = |keys: &[&str]| {
+        let kept = |line: &&str| !keys.iter().any(|key| line.starts_with(key));
+        let lines: Vec<&str> = EXAMPLE.lines().filter(kept).collect();
+        lines.join("\n")
+    };
+    assert_eq!(
+        message(&without(&["lever_arm_m", "translation_m", "rotation_deg"])),
+        "project.toml, line 14: found tables without keys that they need: [prism] (line 14) without `lever_arm_m`; \
+         [scanner] (line 26) without `translation_m`, `rotation_deg` or `quaternion_xyzw`, expected these keys"
+    );
+    assert_eq!(
+        message(&without(&["translation_m", "rotation_deg"])),
+        "project.toml, line 27: found a table without keys that it needs: [scanner] (line 27) without \
+         `translation_m`, `rotation_deg` or `quaternion_xyzw`, expected these keys"
+    );
+    // The others are found after the misspelt one is mended.
+    let misspelt = without(&["translation_m"]).replace("lever_arm_m", "lever_arm");
+    assert!(message(&misspelt).contains("unknown key `lever_arm`"));
+    let text = "[[scanner]]\nname = \"left\"\nprofiles = \"left.bin\"\ntranslation_m = [0, 0, 0]\nrotation_deg = [0, 0, 0]\n";
+    assert!(message(text).contains("found no [imu] and no [prism] or [gnss]"));
+}
+
+#[test]
 fn mistakes_are_reported_with_line_and_remedy() {
     // Text to replace, its replacement, and what the message must contain.
     let cases: [(&str, &str, &str); 30] = [
