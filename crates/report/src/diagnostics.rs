@@ -215,6 +215,11 @@ pub fn sensors_shown(solution: &Solution) -> impl Iterator<Item = &SensorDiagnos
     all.filter(|s| s.count + s.rejected + s.ignored > 0)
 }
 
+/// Whether a group of observations, by its name, is that of an IMU. Drives with poses from a file have none.
+pub fn is_imu(group: &str) -> bool {
+    group.rsplit('.').next() == Some("imu")
+}
+
 /// Display name of a sensor.
 pub fn sensor_name(name: &str) -> &str {
     match name {

@@ -1,6 +1,7 @@
 //! Verdicts on the method whose values are the result, and why.
 
 use crate::calibration::{Calibration, Method};
+use crate::diagnostics::is_imu;
 use crate::joint::{HeldOut, Joint, JointReport};
 use crate::number;
 use crate::verdict::Verdict;
@@ -102,9 +103,9 @@ fn accepted(joint: &Joint) -> String {
     )
 }
 
-/// The largest ratio of an IMU, in words.
+/// The largest ratio of an IMU, in words; nothing if all poses are from files.
 fn imu(joint: &Joint) -> String {
-    let drives = joint.drives.iter();
+    let drives = joint.drives.iter().filter(|drive| is_imu(&drive.imu));
     let ratios = drives.filter_map(|drive| joint.group(&drive.imu)?.ratio);
     match ratios.filter(|ratio| ratio.is_finite()).reduce(f64::max) {
         Some(ratio) => format!(" (χ² of the IMU over its redundancy: {ratio:.2})"),

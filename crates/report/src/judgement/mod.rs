@@ -65,8 +65,26 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
         verdicts.extend(logs::on_other(&drive.name, &drive.preflight, &drive.doubts));
     }
     verdicts.extend(trajectories(results));
-    attention_first(&mut verdicts);
-    verdicts
+    let mut said = once_each(verdicts);
+    attention_first(&mut said);
+    said
+}
+
+/// The verdicts without those that an earlier one repeats word for word: a contradiction in the logs of a drive can be
+/// found before and in the adjustment.
+fn once_each(verdicts: Vec<Verdict>) -> Vec<Verdict> {
+    let mut said: Vec<Verdict> = Vec::new();
+    for verdict in verdicts {
+        let is_said = |earlier: &Verdict| {
+            (&earlier.code, &earlier.text, &earlier.about)
+                == (&verdict.code, &verdict.text, &verdict.about)
+        };
+        match said.iter_mut().find(|earlier| is_said(earlier)) {
+            Some(earlier) => earlier.severity = earlier.severity.max(verdict.severity),
+            None => said.push(verdict),
+        }
+    }
+    said
 }
 
 /// Moves verdicts that need attention to the front, the gravest first, and keeps the order of the rest.
@@ -165,4 +183,25 @@ fn calibration(
     let solution = drives.first().and_then(|drive| drive.solution.as_ref());
     verdicts.extend(solution.and_then(|s| precision::origin(s, result.origin_sigma_m)));
     verdicts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_verdict_is_said_once_and_keeps_its_gravest_severity() {
+        let of = |severity, text: &str| Verdict::new(severity, "prism.lever_arm", text);
+        let first = of(Severity::Note, "twice");
+        let repeated = of(Severity::Care, "twice");
+        let elsewhere = of(Severity::Note, "twice").on("drive-2");
+        let other = of(Severity::Note, "once");
+        let said = once_each(vec![
+            first,
+            other.clone(),
+            repeated.clone(),
+            elsewhere.clone(),
+        ]);
+        assert_eq!(said, [repeated, other, elsewhere]);
+    }
 }

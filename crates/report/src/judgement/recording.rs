@@ -28,6 +28,7 @@ fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
     if let Some((set_s, at_s)) = clock.steps.first() {
         let times = match clock.steps.len() {
             1 => String::new(),
+            2 => " and once more".to_owned(),
             more => format!(" and {} times more", more - 1),
         };
         let text = format!(

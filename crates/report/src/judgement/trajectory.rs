@@ -156,7 +156,8 @@ pub fn verdicts(solution: &Solution, sigmas: Option<&PoseSigmas>) -> Vec<Verdict
         && scale.value > NOTABLE_FACTOR
     {
         let text = format!(
-            "The IMU is {} times as noisy as its datasheet says (vibration?): its noise was scaled.",
+            "The IMU is {} times as noisy as assumed, by its noise in [imu] of the project or, without it, by that of an SBG \
+             Ellipse-D (vibration?): its noise was scaled.",
             number::significant(scale.value, 2)
         );
         let verdict = if scale.value > CARE_NOISE {

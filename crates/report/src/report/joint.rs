@@ -2,7 +2,7 @@
 
 use super::html::{self, escape};
 use crate::calibration::Mounting;
-use crate::diagnostics::constant_text;
+use crate::diagnostics::{constant_text, is_imu};
 use crate::geometry::Vec3;
 use crate::joint::{DECIDING_BLOCK_S, GroupTest, Joint, MAX_BLOCK_RMS, max_imu_ratio};
 use crate::judgement;
@@ -16,6 +16,8 @@ const NOTABLE_RATIO: f64 = 1.2;
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Imu,
+    /// Poses from a file, instead of an IMU.
+    Poses,
     Position,
     Heading,
     /// A scanner or the reference: their noise is estimated.
@@ -35,7 +37,13 @@ impl Kind {
         };
         let sensor = group.name.rsplit('.').next().unwrap_or_default();
         match sensor {
-            _ if joint.drives.iter().any(|drive| drive.imu == group.name) => Self::Imu,
+            _ if joint.drives.iter().any(|drive| drive.imu == group.name) => {
+                if is_imu(&group.name) {
+                    Self::Imu
+                } else {
+                    Self::Poses
+                }
+            }
             _ if names_position(&group.name) => Self::Position,
             "reference" => Self::Scan,
             _ if joint.mountings.iter().any(names_scanner) => Self::Scan,
@@ -49,7 +57,7 @@ impl Kind {
     fn limit(self, group: &GroupTest) -> Option<f64> {
         let chance = 3.0 * (2.0 / group.redundancy).sqrt();
         match self {
-            Self::Imu => Some(max_imu_ratio(group.redundancy)),
+            Self::Imu | Self::Poses => Some(max_imu_ratio(group.redundancy)),
             Self::Scan => None,
             _ => Some(NOTABLE_RATIO.max(1.0 + chance)),
         }
@@ -60,6 +68,9 @@ impl Kind {
         match self {
             Self::Imu => {
                 "the mounting bends or slips, or the IMU is noisier under scans than alone"
+            }
+            Self::Poses => {
+                "the mounting bends or slips, or the poses are less accurate than assumed"
             }
             Self::Position => {
                 "lever arm or clock are off, or the reference lies elsewhere than the positions say"
@@ -113,11 +124,18 @@ fn chi_squares(joint: &Joint) -> String {
             kind.meaning()
         ));
     }
+    let first = if joint.drives.iter().any(|drive| is_imu(&drive.imu)) {
+        " Scans are so precise that a rigid model on a mounting that bends would push its errors into the poses: the IMU, which does not see the ground, then disagrees first."
+    } else {
+        ""
+    };
     let head = "<tr><th scope=\"col\">observations</th><th scope=\"col\">rows</th><th scope=\"col\">redun-<br/>dancy</th><th scope=\"col\">χ²</th><th scope=\"col\">ratio</th><th scope=\"col\">should be</th><th scope=\"col\" class=\"text\">a large ratio means</th></tr>\n";
     format!(
         "<h3>Residuals by kind of observation</h3>\n{}",
         html::table("numbers sensors", head, &body)
-    ) + "<p class=\"note\">Ratio: χ², the sum of the squared normalised residuals, over the redundancy, the number of observations that the others check. Scans are so precise that a rigid model on a mounting that bends would push its errors into the poses: the IMU, which does not see the ground, then disagrees first.</p>\n"
+    ) + &format!(
+        "<p class=\"note\">Ratio: χ², the sum of the squared normalised residuals, over the redundancy, the number of observations that the others check.{first}</p>\n"
+    )
 }
 
 /// Display name of a group.

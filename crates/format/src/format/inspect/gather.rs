@@ -69,9 +69,12 @@ impl Times {
         }
         into.notes.extend(self.continued.remark());
         if self.backwards > 0 {
+            let times = match self.backwards {
+                1 => "once".to_owned(),
+                several => format!("{several} times"),
+            };
             into.notes.push(format!(
-                "the time goes backwards {} times: the rows are not in time order",
-                self.backwards
+                "the time goes backwards {times}: the rows are not in time order"
             ));
             return Ok(());
         }
