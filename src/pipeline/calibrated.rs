@@ -6,7 +6,7 @@ use super::job::Job;
 use super::keys::Keys;
 use super::rig::Rig;
 use super::start::{self, Start};
-use super::{drives, joint, mounting, page, result, stages};
+use super::{calibration_toml, drives, joint, mounting, page, stages};
 use crate::calibration::{Calibration, Method, Variant};
 use crate::cloud::voxel;
 use crate::comparison::MountingKind;
@@ -258,8 +258,7 @@ pub const FILES: [&str; 2] = ["calibration.toml", "mounting.csv"];
 /// The first file that cannot be written.
 pub fn write(project: &Project, findings: &Findings, job: &Job<'_>) -> Result<()> {
     let accepted = findings.calibrations.accepted();
-    let scanners = findings.rig.scanners(project);
-    let text = result::marked_toml(&scanners, &findings.verdicts);
+    let text = calibration_toml::text(project, findings);
     let mut outcome = text.and_then(|text| job.write("calibration.toml", text));
     if let Some(drive) = findings.drives.first() {
         let adjusted = accepted.and_then(|joint| joint.drives.first());

@@ -5,6 +5,7 @@
 mod analyse;
 mod calibrated;
 mod calibration_drive;
+mod calibration_toml;
 pub mod clouds;
 mod commands;
 pub mod compare;

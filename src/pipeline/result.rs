@@ -7,11 +7,9 @@ use super::findings::Findings;
 use crate::calibration::{Calibration, Mounting, MountingForms, PARAMETER_NAMES, Variant};
 use crate::comparison::{Against, Agreements, MountingKind, PassComparison, PassDistances};
 use crate::diagnostics::{self, PoseSigmas};
-use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::joint::{AdjustedDrive, Joint, JointReport, known_m};
 use crate::progress::StageSeconds;
-use crate::project::{Scanner, scanners_to_toml};
 use crate::results::{Calibrations, Drive};
 use crate::sensor::PoseRecord;
 use crate::tiles::peak_memory_bytes;
@@ -65,21 +63,6 @@ pub fn document(findings: &Findings) -> Value {
 pub fn judge(document: &mut Value, verdicts: &[Verdict]) {
     document["headline"] = json!(Headline::of(verdicts));
     document["verdicts"] = json!(verdicts);
-}
-
-/// The scanners for `calibration.toml`, preceded by comments with the verdicts that need attention.
-///
-/// # Errors
-/// See [`scanners_to_toml`].
-pub fn marked_toml(scanners: &[Scanner], verdicts: &[Verdict]) -> Result<String> {
-    let mut text = format!("# {}\n", Headline::of(verdicts).text());
-    for verdict in verdicts
-        .iter()
-        .filter(|verdict| verdict.severity.is_marked())
-    {
-        text += &format!("# ! {}\n", verdict.text.replace('\n', " "));
-    }
-    Ok(format!("{text}\n{}", scanners_to_toml(scanners)?))
 }
 
 /// Number of worst measurements listed.

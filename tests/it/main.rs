@@ -10,6 +10,7 @@ mod accidents;
 mod architecture;
 mod book;
 mod calibration;
+mod calibration_file;
 mod campaign;
 mod cancel;
 mod cli;
