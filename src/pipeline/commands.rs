@@ -142,12 +142,8 @@ pub fn trajectory(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let names = ["trajectory.csv", "trajectory.html"];
-<<<<<<< HEAD
-    let job = Job::new(&options.out, &project.inputs(), &names, progress)?;
-    let project = &with_origin(project, progress);
-=======
     let job = Job::new(options, &project.inputs(), &names, progress)?;
->>>>>>> f113c328 (No command replaces a file that boresight did not write, unless --force is given)
+    let project = &with_origin(project, progress);
     let poses = stages::poses(project, progress)?.poses;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
@@ -190,12 +186,8 @@ pub fn trajectory(
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
-<<<<<<< HEAD
-    let mut job = Job::new(&options.out, &project.inputs(), &names, progress)?;
+    let job = Job::new(options, &project.inputs(), &names, progress)?;
     let project = &with_origin(project, progress);
-=======
-    let mut job = Job::new(options, &project.inputs(), &names, progress)?;
->>>>>>> f113c328 (No command replaces a file that boresight did not write, unless --force is given)
     // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let calibration_drive = CalibrationDrive::new(project);
