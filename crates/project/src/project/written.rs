@@ -7,39 +7,12 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::shapes::{Files, Numbers, Tables};
-use super::source::Required;
 use super::units::{AccelUnit, GyroUnit, TimeUnit};
 use crate::calibration;
 use crate::comparison::{Aggregation, Detection};
 use crate::geometry::{BodyAxes, EulerConvention};
 use crate::sensor::VerticalAngle;
 use crate::trajectory::{Loss, Nodes};
-
-/// The keys that tables of a project need.
-pub const REQUIRED: [Required; 9] = {
-    const fn table(name: &'static str, keys: &'static [&'static [&'static str]]) -> Required {
-        Required { name, keys }
-    }
-    [
-        table("imu", &[&["file"]]),
-        table("prism", &[&["file"], &["lever_arm_m"]]),
-        table("gnss", &[&["file"], &["lever_arm_m"]]),
-        table("heading", &[&["file"]]),
-        table(
-            "scanner",
-            &[
-                &["name"],
-                &["profiles"],
-                &["translation_m"],
-                &["rotation_deg", "quaternion_xyzw"],
-            ],
-        ),
-        table("reference", &[&["file"]]),
-        table("bending", &[&["file"], &["columns"]]),
-        table("drive", &[&["name"], &["project"]]),
-        table("evaluation", &[&["name"], &["project"]]),
-    ]
-};
 
 /// The whole file.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

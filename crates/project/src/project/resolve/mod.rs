@@ -15,11 +15,37 @@ pub use settings::comparison;
 use std::path::Path;
 
 use super::checked::{Project, Reference};
-use super::source::Source;
-use super::written::{self, REQUIRED, Written};
+use super::source::{Required, Source};
+use super::written::{self, Written};
 use crate::error::{Error, Result};
 use crate::geometry::Projection;
 use table::Table;
+
+/// The keys that tables of a project need.
+const REQUIRED: [Required; 9] = {
+    const fn table(name: &'static str, keys: &'static [&'static [&'static str]]) -> Required {
+        Required { name, keys }
+    }
+    [
+        table("imu", &[&["file"]]),
+        table("prism", &[&["file"], &["lever_arm_m"]]),
+        table("gnss", &[&["file"], &["lever_arm_m"]]),
+        table("heading", &[&["file"]]),
+        table(
+            "scanner",
+            &[
+                &["name"],
+                &["profiles"],
+                &["translation_m"],
+                &["rotation_deg", "quaternion_xyzw"],
+            ],
+        ),
+        table("reference", &[&["file"]]),
+        table("bending", &[&["file"], &["columns"]]),
+        table("drive", &[&["name"], &["project"]]),
+        table("evaluation", &[&["name"], &["project"]]),
+    ]
+};
 
 /// Reads a project file, checks it and converts it to SI units.
 pub(super) fn read(path: &Path) -> Result<Project> {
