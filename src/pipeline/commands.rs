@@ -186,7 +186,7 @@ pub fn trajectory(
 /// Errors of the stages.
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
-    let job = Job::new(options, &project.inputs(), &names, progress)?;
+    let mut job = Job::new(options, &project.inputs(), &names, progress)?;
     let project = &with_origin(project, progress);
     // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;

@@ -62,6 +62,7 @@ fn options(out: &Path) -> Options {
         out: out.to_owned(),
         seed: None,
         fresh: false,
+        kept: Vec::new(),
     }
 }
 
