@@ -35,16 +35,35 @@ fn shift_times(folder: &Path, name: &str, shift_s: f64) {
 
 /// Asserts that the run failed with one error that contains every one of `expected`, and left no result.
 fn assert_one_error(folder: &Path, run: &Run, expected: &[&str]) {
-    run.assert_failed_with(expected);
-    assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
-    for result in [
-        "result.json",
-        "trajectory.csv",
-        "calibration.toml",
-        "report.html",
-    ] {
+    assert_failed_once(run, expected);
+    for result in RESULTS {
         assert!(!folder.join("out").join(result).exists(), "{result}");
     }
+}
+
+/// As [`assert_one_error`], of a run that failed with its scans and keeps the trajectory.
+fn assert_trajectory_kept(folder: &Path, run: &Run, expected: &[&str]) {
+    assert_failed_once(run, expected);
+    for result in RESULTS {
+        let is_kept = ["trajectory.csv", "report.html"].contains(&result);
+        assert_eq!(
+            folder.join("out").join(result).exists(),
+            is_kept,
+            "{result}"
+        );
+    }
+}
+
+const RESULTS: [&str; 4] = [
+    "result.json",
+    "trajectory.csv",
+    "calibration.toml",
+    "report.html",
+];
+
+fn assert_failed_once(run: &Run, expected: &[&str]) {
+    run.assert_failed_with(expected);
+    assert_eq!(run.err.matches("error: ").count(), 1, "{}", run.err);
 }
 
 #[test]
@@ -79,11 +98,11 @@ fn profiles_outside_the_trajectory_are_named_with_the_scanner() {
     shift_times(folder.path(), "left.csv", 500.0);
     for command in ["calibrate", "georeference", "run"] {
         let run = on_project(folder.path(), command, &[]);
-        assert_one_error(
-            folder.path(),
-            &run,
-            &["left", "do not overlap", "time_offset_s"],
-        );
+        let expected = ["left", "do not overlap", "time_offset_s"];
+        match command {
+            "run" => assert_trajectory_kept(folder.path(), &run, &expected),
+            _ => assert_one_error(folder.path(), &run, &expected),
+        }
     }
 }
 
@@ -143,7 +162,11 @@ fn a_value_that_is_not_a_number_is_named_with_file_and_line() {
                 }
             });
             let run = on_project(folder.path(), "run", &[]);
-            assert_one_error(folder.path(), &run, &[&format!("{name}, line {line}: ")]);
+            let place = format!("{name}, line {line}: ");
+            match name {
+                "left.csv" => assert_trajectory_kept(folder.path(), &run, &[&place]),
+                _ => assert_one_error(folder.path(), &run, &[&place]),
+            }
         }
     }
 }

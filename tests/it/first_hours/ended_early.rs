@@ -167,7 +167,7 @@ fn a_folder_in_the_place_of_a_result_keeps_back_nothing_else() {
             "figures" => fs::write(out.join(name), "a file of the user").unwrap(),
             _ => fs::create_dir_all(out.join(name).join("of the user")).unwrap(),
         }
-        let run = on_project(&drive, "run", &[]);
+        let run = on_project(&drive, "run", &["--force"]);
         run.assert_failed_with(&[name, "mounting  "]);
         let mut expected: Vec<&str> = ALL.into_iter().filter(|other| *other != name).collect();
         if name == "figures" {

@@ -1,10 +1,8 @@
 //! The scale factor of the gyroscope: the rate that it reads over the true one.
 
-use crate::adjustment::{FactorRows, Parameter};
+use crate::adjustment::Parameter;
 use crate::geometry::Vec3;
 use crate::sensor::ImuBias;
-
-use super::states::GYRO;
 
 /// The factors k of the body's axes. Samples ω are divided by the factors k₀ of an earlier adjustment; the rest acts in each
 /// step as a change of the bias, of the size that the mean rate ω̄ of the step gives it:
@@ -55,22 +53,10 @@ impl GyroScale {
         }
     }
 
-    /// Adds the derivatives of rows with respect to k, if it is estimated: those with respect to the bias of the gyro times
-    /// k₀/k² ω̄.
-    pub fn touch<const R: usize>(
-        &self,
-        mean_rate_rad_s: impl FnOnce() -> Vec3,
-        rows: &mut FactorRows<R>,
-    ) {
-        let Some(block) = self.factor.block() else {
-            return;
-        };
+    /// The derivative of [`Self::bias_at`] by k, k₀/k² ω̄.
+    pub fn by_factor(&self, mean_rate_rad_s: &Vec3) -> Vec3 {
         let k = &self.factor.value;
-        let by_factor = self.divided_by.component_div(&k.component_mul(k));
-        let by_factor = by_factor.component_mul(&mean_rate_rad_s());
-        let columns = std::array::from_fn::<[f64; R], 3, _>(|axis| {
-            rows.by_step.map(|row| row[GYRO + axis] * by_factor[axis])
-        });
-        rows.touch(block, columns);
+        let share = self.divided_by.component_div(&k.component_mul(k));
+        share.component_mul(mean_rate_rad_s)
     }
 }

@@ -1,5 +1,6 @@
 //! The antenna baseline: heading and pitch.
 
+use super::jacobian::touch_gyro_scale;
 use super::propagation::{Propagated, Propagation};
 use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::heading::{heading_rad, wrap};
@@ -117,8 +118,9 @@ impl HeadingFactor {
         }
         let residual = self.residual_at(constants, &at) / sigma_rad;
         let mut rows = FactorRows::new([residual], by_step);
-        let scale_factor = &constants.gyro_scale;
-        scale_factor.touch(|| self.propagation.mean_rate_rad_s(), &mut rows);
+        touch_gyro_scale(&mut rows, &constants.gyro_scale, || {
+            self.propagation.mean_rate_rad_s()
+        });
         let by_time = gradient.dot(&at.turning(&direction)) * weight;
         for late in &self.clocks {
             if let Some(block) = constants.clock(late.clock).block() {

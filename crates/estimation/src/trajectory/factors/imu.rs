@@ -1,6 +1,6 @@
 //! The IMU between neighbouring nodes.
 
-use super::jacobian::{Jacobian, matrix, put};
+use super::jacobian::{Jacobian, matrix, put, touch_gyro_scale};
 use crate::adjustment::{FactorRows, NODE, STEP};
 use crate::geometry::Vec3;
 use crate::geometry::so3::{exp, hat, log, right_jacobian, right_jacobian_inverse};
@@ -154,8 +154,9 @@ impl ImuFactor {
                 }
             }
         }
-        let scale_factor = &constants.gyro_scale;
-        scale_factor.touch(|| self.sums.mean_rate_rad_s(), &mut rows);
+        touch_gyro_scale(&mut rows, &constants.gyro_scale, || {
+            self.sums.mean_rate_rad_s()
+        });
         if let Some(gravity) = constants.gravity_m_s2.block() {
             let by = self.whiten(&self.gravity_jacobian(nodes.0));
             rows.touch(gravity, [by.map(|x| x / scale)]);

@@ -1,6 +1,6 @@
 //! Prisms and GNSS antennas.
 
-use super::jacobian::Jacobian;
+use super::jacobian::{Jacobian, touch_gyro_scale};
 use super::propagation::{Propagated, Propagation};
 use crate::adjustment::{FactorRows, STEP};
 use crate::geometry::{Mat3, Rotation, Vec3};
@@ -131,8 +131,9 @@ impl PositionFactor {
         let residual = w * self.residual_at(sensor, constants, &at);
         let mut rows = FactorRows::new(residual.into(), whitened(&w, &raw));
         let column = |by: Vec3| -> [f64; 3] { (w * by).into() };
-        let scale_factor = &constants.gyro_scale;
-        scale_factor.touch(|| self.propagation.mean_rate_rad_s(), &mut rows);
+        touch_gyro_scale(&mut rows, &constants.gyro_scale, || {
+            self.propagation.mean_rate_rad_s()
+        });
         if !self.clocks.is_empty() {
             let by_time = at.velocity_m_s + at.turning(&arm);
             for late in &self.clocks {

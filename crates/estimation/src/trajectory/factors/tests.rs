@@ -1,6 +1,6 @@
 //! Derivatives against finite differences.
 
-use super::jacobian::Jacobian;
+use super::jacobian::{Jacobian, touch_gyro_scale};
 use super::{HeadingFactor, ImuFactor, PositionFactor, PositionSensor, Propagation, Quantity};
 use crate::adjustment::{BorderSystem, FactorRows, NODE, STEP, StepSystem, Unknown, assemble};
 use crate::geometry::so3::exp;
@@ -306,7 +306,7 @@ fn gravity_and_scale_move_the_imu_residual_as_their_jacobians_state() {
     let by_step = factor.jacobian(&constants, (&from, &to), &bias, &residual);
     let mut rows = FactorRows::new(flat(residual), by_step);
     let mean_rate_rad_s = factor.sums.mean_rate_rad_s();
-    constants.gyro_scale.touch(|| mean_rate_rad_s, &mut rows);
+    touch_gyro_scale(&mut rows, &constants.gyro_scale, || mean_rate_rad_s);
     let block = constants.gravity_m_s2.block().expect("estimated");
     rows.touch(block, [flat(factor.gravity_jacobian(&from))]);
     check_constants(&rows, &constants, |constants| {
