@@ -3,8 +3,8 @@
 use boresight::cloud::shape::Feature;
 use boresight::cloud::{NeighbourIndex, Neighbourhood, voxel};
 use boresight::comparison::{
-    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, Normals, Statistics,
-    core_points,
+    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, MeasuredScales,
+    Normals, OpenSettings, Scales, Statistics, StreamedCloud, core_points,
 };
 use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::georeference::Georeferencer;
@@ -140,10 +140,10 @@ fn thin<'py>(
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct Comparing {
-    corepoint_spacing_m: f64,
-    normal_radii: Vec<f64>,
-    cyl_radius: f64,
-    max_distance: f64,
+    corepoint_spacing_m: Option<f64>,
+    normal_radii: Option<Vec<f64>>,
+    cyl_radius: Option<f64>,
+    max_distance: Option<f64>,
     registration_error: f64,
     robust_aggr: bool,
     student: bool,
@@ -154,12 +154,14 @@ struct Comparing {
 }
 
 impl Comparing {
-    fn settings(&self) -> ComparisonSettings {
-        ComparisonSettings {
-            core_spacing_m: self.corepoint_spacing_m,
-            normal_radii_m: self.normal_radii.clone(),
-            cylinder_radius_m: self.cyl_radius,
-            max_distance_m: self.max_distance,
+    fn open(&self) -> OpenSettings {
+        OpenSettings {
+            scales: Scales {
+                core_spacing_m: self.corepoint_spacing_m,
+                normal_radii_m: self.normal_radii.clone(),
+                cylinder_radius_m: self.cyl_radius,
+                max_distance_m: self.max_distance,
+            },
             registration_error_m: self.registration_error,
             aggregation: if self.robust_aggr {
                 Aggregation::Median
@@ -172,9 +174,46 @@ impl Comparing {
                 Detection::Normal
             },
             one_sided: self.one_sided,
-            min_points: self.min_points,
+            min_points: Some(self.min_points),
         }
     }
+
+    /// The settings, with scales that are needed and not given measured from the clouds.
+    fn settings(
+        &self,
+        reference: &[Vec3],
+        compared: &[Vec3],
+        needs: Needs,
+    ) -> Result<ComparisonSettings> {
+        let open = self.open();
+        let given = &open.scales;
+        let is_open = given.cylinder_radius_m.is_none()
+            || given.max_distance_m.is_none()
+            || (needs.core_points && given.core_spacing_m.is_none())
+            || (needs.normals && given.normal_radii_m.is_none());
+        let measured = if is_open {
+            let mut points = |each: &mut dyn FnMut(&[Vec3]) -> Result<()>| each(reference);
+            let mut others = |each: &mut dyn FnMut(&[Vec3]) -> Result<()>| each(compared);
+            let reference = StreamedCloud {
+                count: reference.len() as u64,
+                points: &mut points,
+            };
+            let compared = StreamedCloud {
+                count: compared.len() as u64,
+                points: &mut others,
+            };
+            MeasuredScales::of(reference, compared)?
+        } else {
+            None
+        };
+        Ok(open.closed(measured.as_ref()))
+    }
+}
+
+/// What a comparison computes.
+struct Needs {
+    core_points: bool,
+    normals: bool,
 }
 
 /// One array for each value of the core points, and their statistics as JSON, `None` without a distance.
@@ -204,7 +243,11 @@ fn m3c2<'py>(
                 orientation: settings.orientation_vector.into(),
             },
         };
-        let settings = settings.settings();
+        let needs = Needs {
+            core_points: core.is_none(),
+            normals: matches!(normals, Normals::MostPlanar { .. }),
+        };
+        let settings = settings.settings(reference, compared, needs)?;
         let thinned = match core {
             Some(_) => Vec::new(),
             None => core_points(reference, &settings),

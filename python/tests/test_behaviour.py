@@ -150,7 +150,7 @@ def test_arrays_are_not_copied(many):
         ),
         (lambda p: boresight.Mounting([0, 0, 0, 1], [0, np.nan, 0]), ValueError, "not finite"),
         (lambda p: boresight.campaign("campaign.toml", memory_mb=5), ValueError, "5 MB for an item with"),
-        (lambda p: boresight.m3c2(p, p, cyl_radius=0.0), ValueError, "cylinder_radius_m"),
+        (lambda p: boresight.m3c2(p, p, cyl_radius=0.0), ValueError, "cyl_radius is 0.0"),
         (lambda p: boresight.m3c2(p, p[:0]), boresight.TooFewError, "no points"),
         (lambda p: boresight.m3c2(p, p, p, corepoint_normals=p[:5]), ValueError, "5 normals"),
         (lambda p: boresight.read("/nowhere/a.laz"), FileNotFoundError, "a.laz"),

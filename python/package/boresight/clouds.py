@@ -250,9 +250,9 @@ def m3c2(
     epoch2: Any,
     corepoints: Any = None,
     *,
-    cyl_radius: float = 0.02,
-    normal_radii: Iterable[float] = (0.04,),
-    max_distance: float = 0.1,
+    cyl_radius: float | None = None,
+    normal_radii: Iterable[float] | None = None,
+    max_distance: float | None = None,
     registration_error: float = 0.0,
     robust_aggr: bool = False,
     orientation_vector: npt.ArrayLike = (0.0, 0.0, 1.0),
@@ -261,12 +261,13 @@ def m3c2(
     student: bool = False,
     one_sided: bool = False,
     min_points: int = 1,
-    corepoint_spacing_m: float = 0.02,
+    corepoint_spacing_m: float | None = None,
     progress: Progress = "tqdm",
     threads: int | None = None,
 ) -> M3C2Result:
     """Distances of ``epoch2`` to ``epoch1`` along local normals (M3C2), like the command `boresight compare` with
-    ``epoch1`` as reference. Arguments are named as in py4dgeo.
+    ``epoch1`` as reference. Arguments are named as in py4dgeo. Lengths that are not given follow from the points, as for
+    the command.
 
     Parameters
     ----------
@@ -305,10 +306,12 @@ def m3c2(
     if normals is not None and core is not None and len(normals) == 1 and len(core) != 1:
         direction, normals = normals[0], None
     settings = {
-        "corepoint_spacing_m": positive(corepoint_spacing_m, "corepoint_spacing_m"),
-        "normal_radii": [float(radius) for radius in normal_radii],
-        "cyl_radius": float(cyl_radius),
-        "max_distance": float(max_distance),
+        "corepoint_spacing_m": (
+            None if corepoint_spacing_m is None else positive(corepoint_spacing_m, "corepoint_spacing_m")
+        ),
+        "normal_radii": None if normal_radii is None else [float(radius) for radius in normal_radii],
+        "cyl_radius": None if cyl_radius is None else positive(cyl_radius, "cyl_radius"),
+        "max_distance": None if max_distance is None else float(max_distance),
         "registration_error": float(registration_error),
         "robust_aggr": bool(robust_aggr),
         "student": bool(student),
