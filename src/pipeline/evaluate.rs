@@ -131,14 +131,14 @@ fn rows(errors: &TrajectoryErrors, over: Over) -> Vec<ErrorRow> {
 
 fn summary(files: &TrajectoryFiles, errors: &TrajectoryErrors, rows: &[ErrorRow]) -> String {
     let mut out = format!(
-        "{:<28}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}\n",
+        "{:<32}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}\n",
         "", "RMSE", "mean", "median", "std", "least", "most"
     );
     for row in rows {
         let name = format!("{} ({})", row.name, row.unit);
         let cells = row.values.map(|value| number::significant(value, 3));
         // Writing to a String cannot fail.
-        let _ = write!(out, "{name:<28}");
+        let _ = write!(out, "{name:<32}");
         for cell in cells {
             let _ = write!(out, "{cell:>10}");
         }
