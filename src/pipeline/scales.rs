@@ -130,7 +130,7 @@ pub fn reasons(measured: &MeasuredScales) -> String {
     }
     if let Some(distance_m) = measured.distance_m {
         out.push_str(&format!(
-            "; nine of ten places of the reference have a point of the cloud within {}",
+            "; nine of ten places of the smaller cloud have a point of the other within {}",
             length(distance_m)
         ));
     }

@@ -11,9 +11,9 @@
 //!   neighbourhoods are at least 25 times as wide as they are rough, in half of the reference. If no
 //!   radius is, as in a canopy, the one that comes closest.
 //! - **Depth**: half the length of the cylinder is five radii, as of this program's settings for
-//!   scans of a field, or twice the distance to the other cloud that nine of ten places of the
-//!   reference keep, whichever is more. Places without a point of the other cloud nearby are not
-//!   counted.
+//!   scans of a field, or twice the distance to the other cloud that nine of ten places of a cloud
+//!   keep, whichever is more. Of the two clouds, the one with the smaller distance counts: the
+//!   other extends beyond it. Places without a point of the other cloud nearby are not counted.
 //! - **Core points** are a diameter of the cylinder apart, so that neighbours share no points.
 //!
 //! Each is rounded up to two digits, so that the same numbers can be given again.
@@ -149,8 +149,8 @@ pub struct MeasuredScales {
     /// Standard deviation of the reference about its plane in such a neighbourhood; `None` if none
     /// is measured at this size.
     pub roughness_m: Option<f64>,
-    /// Distance to the nearest compared point that nine of ten places of the reference keep; `None`
-    /// if too few have one nearby.
+    /// Distance to the nearest point of the other cloud that nine of ten places of a cloud keep, the
+    /// smaller of the two; `None` if too few have one nearby.
     pub distance_m: Option<f64>,
 }
 
@@ -158,7 +158,7 @@ pub struct MeasuredScales {
 pub struct StreamedCloud<'a> {
     /// Number of its points.
     pub count: u64,
-    /// Its points, which are streamed two or three times.
+    /// Its points, which are streamed three times.
     pub points: &'a mut Stream<'a>,
 }
 
@@ -194,13 +194,15 @@ impl MeasuredScales {
         let least_m = NORMAL_OVER_RADIUS * cylinder_radius_m;
         let normal = normal_radius(&around, &radii_m, least_m);
         let across = places.look(compared.points, &[])?;
+        let back = others.look(reference.points, &[])?;
+        let apart_m = [&across, &back].map(|around| distance_m(around));
         Ok(Some(Self {
             reference_spacing_m: spacing_m(reference_m),
             compared_spacing_m: spacing_m(compared_m),
             cylinder_radius_m,
             normal_radius_m: two_digits(normal.map_or(least_m, |(radius_m, _)| radius_m)),
             roughness_m: normal.map(|(_, roughness_m)| roughness_m),
-            distance_m: distance_m(&across),
+            distance_m: apart_m.into_iter().flatten().reduce(f64::min),
         }))
     }
 }
@@ -384,6 +386,15 @@ mod tests {
         );
         let elsewhere: Vec<Vec3> = reference.iter().map(|p| p * 3.0).collect();
         assert_eq!(measure(&reference, &elsewhere, 1000).distance_m, None);
+    }
+
+    #[test]
+    fn a_reference_that_extends_beyond_the_cloud_does_not_lengthen_cylinders() {
+        let reference = square(0.01, 0.0, 0.001);
+        let is_covered = |p: &Vec3| p.x < 362_000.0 + 1.4;
+        let covered: Vec<Vec3> = reference.iter().copied().filter(is_covered).collect();
+        let found = measure(&reference, &covered, 1000);
+        assert!(found.distance_m.unwrap() < 0.02, "{found:?}");
     }
 
     #[test]

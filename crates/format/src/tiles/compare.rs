@@ -172,7 +172,7 @@ pub fn compare(
     Ok(work)
 }
 
-/// Measures the scales that are needed and not given, which reads each cloud two or three times.
+/// Measures the scales that are needed and not given, which reads each cloud three times.
 fn measure(
     comparison: &Comparison,
     reference: StreamedCloud<'_>,
@@ -188,7 +188,7 @@ fn measure(
     if !is_open {
         return Ok(());
     }
-    let total = 2 * reference.count + 3 * compared.count;
+    let total = 3 * (reference.count + compared.count);
     let name = "measuring the spacing of the points";
     let (measured, _) = stage(progress, name, total, || {
         MeasuredScales::of(reference, compared)
