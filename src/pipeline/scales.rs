@@ -130,7 +130,7 @@ pub fn reasons(measured: &MeasuredScales) -> String {
     }
     if let Some(distance_m) = measured.distance_m {
         out.push_str(&format!(
-            "; nine of ten places of the smaller cloud have a point of the other within {}",
+            "; along the normals, nine of ten places that have a counterpart lie within {} of it",
             length(distance_m)
         ));
     }

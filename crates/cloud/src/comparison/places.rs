@@ -64,21 +64,47 @@ impl Places {
     /// What the points of `cloud` are like around each place.
     pub(super) fn look(&self, cloud: &mut Stream<'_>, radii_m: &[f64]) -> Result<Vec<Around>> {
         let mut around = vec![Around::new(radii_m.len()); self.points.len()];
+        self.for_each(cloud, |place, offset| {
+            around[place].add(offset, offset.norm_squared(), radii_m);
+        })?;
+        Ok(around)
+    }
+
+    /// Smallest distance along each place's axis of the points of `cloud` that lie within
+    /// `radius_m` of that axis, metres; `None` if there is no such point, or no axis.
+    pub(super) fn along(
+        &self,
+        cloud: &mut Stream<'_>,
+        axes: &[Option<Vec3>],
+        radius_m: f64,
+    ) -> Result<Vec<Option<f64>>> {
+        let mut nearest_m: Vec<Option<f64>> = vec![None; self.points.len()];
+        self.for_each(cloud, |place, offset| {
+            let Some(axis) = axes[place] else { return };
+            let along_m = axis.dot(offset);
+            if (offset - along_m * axis).norm_squared() <= radius_m * radius_m {
+                let known_m = nearest_m[place].unwrap_or(f64::INFINITY);
+                nearest_m[place] = Some(known_m.min(along_m.abs()));
+            }
+        })?;
+        Ok(nearest_m)
+    }
+
+    /// Calls `each` with the number of each place and the offset of each point at most a voxel away.
+    fn for_each(&self, cloud: &mut Stream<'_>, mut each: impl FnMut(usize, &Vec3)) -> Result<()> {
         let reach = self.cell_m * self.cell_m;
         cloud(&mut |points| {
             for point in points.iter().filter(|point| is_finite(point)) {
                 let near = self.near.get(&voxel_key(point, self.cell_m));
                 for &place in near.into_iter().flatten() {
                     let offset = point - self.points[place as usize];
-                    let squared = offset.norm_squared();
-                    if squared <= reach {
-                        around[place as usize].add(&offset, squared, radii_m);
+                    if offset.norm_squared() <= reach {
+                        each(place as usize, &offset);
                     }
                 }
             }
             Ok(())
-        })?;
-        Ok(around)
+        })
     }
 }
 
@@ -138,11 +164,6 @@ impl Around {
         }
     }
 
-    /// Distance to the nearest point, metres; `None` if there is none within a voxel.
-    pub(super) fn nearest_m(&self) -> Option<f64> {
-        self.nearest.first().map(|squared| squared.sqrt())
-    }
-
     /// Distance within which [`NEAREST`] points lie, metres; `None` if it is more than a voxel.
     pub(super) fn radius_m(&self) -> Option<f64> {
         self.nearest.get(NEAREST - 1).map(|squared| squared.sqrt())
@@ -151,23 +172,33 @@ impl Around {
     /// Standard deviation about the plane of the points within each radius, metres; NaN with fewer
     /// than `least` points.
     pub(super) fn roughness_m(&self, least: usize) -> Vec<f64> {
-        let mut all = Sums::default();
-        let within = self.shells.iter().map(|shell| {
-            all.count += shell.count;
-            all.sum += shell.sum;
-            all.squares += shell.squares;
-            if all.count < least {
+        let within = self.tensors().map(|tensor| {
+            if tensor.count < least {
                 return f64::NAN;
             }
-            let n = all.count as f64;
-            let mean = all.sum / n;
-            let tensor = StructureTensor {
-                mean,
-                covariance: all.squares / n - mean * mean.transpose(),
-                count: all.count,
-            };
             tensor.eigen().values.z.sqrt()
         });
         within.collect()
+    }
+
+    /// Normal of the points within the radius with this index; `None` if they have none.
+    pub(super) fn normal(&self, radius: usize) -> Option<Vec3> {
+        self.tensors().nth(radius)?.normal()
+    }
+
+    /// Structure tensors of the points within each radius, about the place.
+    fn tensors(&self) -> impl Iterator<Item = StructureTensor> {
+        self.shells.iter().scan(Sums::default(), |all, shell| {
+            all.count += shell.count;
+            all.sum += shell.sum;
+            all.squares += shell.squares;
+            let n = all.count.max(1) as f64;
+            let mean = all.sum / n;
+            Some(StructureTensor {
+                mean,
+                covariance: all.squares / n - mean * mean.transpose(),
+                count: all.count,
+            })
+        })
     }
 }

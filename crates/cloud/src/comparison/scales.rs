@@ -12,8 +12,9 @@
 //!   radius is, as in a canopy, the one that comes closest.
 //! - **Depth**: half the length of the cylinder is five radii, as of this program's settings for
 //!   scans of a field, or twice the distance to the other cloud that nine of ten places of a cloud
-//!   keep, whichever is more. Of the two clouds, the one with the smaller distance counts: the
-//!   other extends beyond it. Places without a point of the other cloud nearby are not counted.
+//!   keep, whichever is more. It is that along the normal, as the comparison measures it: places
+//!   without a point of the other cloud in the cylinder have no counterpart there and are not
+//!   counted. Of the two clouds, the one with the smaller distance counts.
 //! - **Core points** are a diameter of the cylinder apart, so that neighbours share no points.
 //!
 //! Each is rounded up to two digits, so that the same numbers can be given again.
@@ -24,6 +25,7 @@ use super::places::{Around, NEAREST, Places};
 use super::settings::{Aggregation, ComparisonSettings, Detection};
 use crate::cloud::Stream;
 use crate::error::Result;
+use crate::geometry::Vec3;
 use crate::statistics::{median, quantile};
 
 /// The smallest radius of a normal over that of the cylinder, as in [`ComparisonSettings::default`]:
@@ -149,8 +151,8 @@ pub struct MeasuredScales {
     /// Standard deviation of the reference about its plane in such a neighbourhood; `None` if none
     /// is measured at this size.
     pub roughness_m: Option<f64>,
-    /// Distance to the nearest point of the other cloud that nine of ten places of a cloud keep, the
-    /// smaller of the two; `None` if too few have one nearby.
+    /// Distance along the normal to the other cloud that nine of ten places of a cloud keep, the
+    /// smaller of the two; `None` if too few have a counterpart.
     pub distance_m: Option<f64>,
 }
 
@@ -183,7 +185,8 @@ impl MeasuredScales {
         let radii_m = radii_up_to(places.cell_m);
         let around = places.look(reference.points, &radii_m)?;
         let others = compared.places()?;
-        let around_others = others.look(compared.points, &[])?;
+        let others_radii_m = radii_up_to(others.cell_m);
+        let around_others = others.look(compared.points, &others_radii_m)?;
         let (Some(reference_m), Some(compared_m)) = (
             radius_m(&around, places.cell_m),
             radius_m(&around_others, others.cell_m),
@@ -193,14 +196,17 @@ impl MeasuredScales {
         let cylinder_radius_m = two_digits(reference_m.max(compared_m));
         let least_m = NORMAL_OVER_RADIUS * cylinder_radius_m;
         let normal = normal_radius(&around, &radii_m, least_m);
-        let across = places.look(compared.points, &[])?;
-        let back = others.look(reference.points, &[])?;
-        let apart_m = [&across, &back].map(|around| distance_m(around));
+        let normal_radius_m = normal.map_or(least_m, |(radius_m, _)| radius_m);
+        let axes = normals(&around, &radii_m, normal_radius_m);
+        let across_m = places.along(compared.points, &axes, cylinder_radius_m)?;
+        let axes = normals(&around_others, &others_radii_m, normal_radius_m);
+        let back_m = others.along(reference.points, &axes, cylinder_radius_m)?;
+        let apart_m = [across_m, back_m].map(|apart_m| distance_m(&apart_m));
         Ok(Some(Self {
             reference_spacing_m: spacing_m(reference_m),
             compared_spacing_m: spacing_m(compared_m),
             cylinder_radius_m,
-            normal_radius_m: two_digits(normal.map_or(least_m, |(radius_m, _)| radius_m)),
+            normal_radius_m: two_digits(normal_radius_m),
             roughness_m: normal.map(|(_, roughness_m)| roughness_m),
             distance_m: apart_m.into_iter().flatten().reduce(f64::min),
         }))
@@ -259,12 +265,19 @@ fn normal_radius(around: &[Around], radii_m: &[f64], least_m: f64) -> Option<(f6
     first.or_else(closest).copied()
 }
 
-/// The distance to the nearest point that [`REACHED`] of the places keep; `None` if fewer than
+/// Normals of the neighbourhoods with the largest radius up to `radius_m`.
+fn normals(around: &[Around], radii_m: &[f64], radius_m: f64) -> Vec<Option<Vec3>> {
+    let within = radii_m.partition_point(|known_m| *known_m <= radius_m);
+    let largest = within.saturating_sub(1);
+    around.iter().map(|place| place.normal(largest)).collect()
+}
+
+/// The distance that [`REACHED`] of the places with a counterpart keep; `None` if fewer than
 /// [`LEAST_NEAR`] have one.
-fn distance_m(across: &[Around]) -> Option<f64> {
-    let mut near_m: Vec<f64> = across.iter().filter_map(Around::nearest_m).collect();
+fn distance_m(apart_m: &[Option<f64>]) -> Option<f64> {
+    let mut near_m: Vec<f64> = apart_m.iter().flatten().copied().collect();
     near_m.sort_unstable_by(f64::total_cmp);
-    let enough = near_m.len() as f64 >= LEAST_NEAR * across.len() as f64;
+    let enough = near_m.len() as f64 >= LEAST_NEAR * apart_m.len() as f64;
     (enough && !near_m.is_empty()).then(|| quantile(&near_m, REACHED))
 }
 
@@ -292,7 +305,6 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::geometry::Vec3;
 
     /// A square of 200 points on each side, this far apart, with uniform noise up to `noise_m`.
     fn square(spacing_m: f64, up_m: f64, noise_m: f64) -> Vec<Vec3> {
@@ -394,6 +406,17 @@ mod tests {
         let is_covered = |p: &Vec3| p.x < 362_000.0 + 1.4;
         let covered: Vec<Vec3> = reference.iter().copied().filter(is_covered).collect();
         let found = measure(&reference, &covered, 1000);
+        assert!(found.distance_m.unwrap() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn clouds_that_each_extend_beyond_the_other_do_not_lengthen_cylinders() {
+        let all = square(0.01, 0.0, 0.001);
+        let part = |low: f64, high: f64| -> Vec<Vec3> {
+            let is_in = |p: &&Vec3| (low..high).contains(&(p.x - 362_000.0));
+            all.iter().filter(is_in).copied().collect()
+        };
+        let found = measure(&part(0.0, 1.4), &part(0.6, 2.0), 1000);
         assert!(found.distance_m.unwrap() < 0.02, "{found:?}");
     }
 
