@@ -124,6 +124,7 @@ pub fn at_rung(
             check_overlap(input, &association)?;
             state.shapes = vec![Vec3::zeros(); association.surfels.len()];
             state.patches = vec![0.0; association.patches];
+            state.planes = vec![[0.0; 2]; association.planes.len()];
             let problem = JointProblem::new(
                 input,
                 settings,
@@ -315,6 +316,7 @@ fn start(input: &JointInput<'_>) -> State {
         late_s: vec![0.0; input.mountings.len()],
         shapes: Vec::new(),
         patches: Vec::new(),
+        planes: Vec::new(),
         reference: [0.0; REFERENCE],
     }
 }

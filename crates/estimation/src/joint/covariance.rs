@@ -19,16 +19,16 @@ pub struct Covariance<'a> {
 }
 
 impl<'a> Covariance<'a> {
-    /// Of all unknowns but surfels and patches, with the factor that the problem holds, at this state. `None` without it.
+    /// Of all unknowns but those of the surface, with the factor that the problem holds, at this state. `None` without it.
     pub fn of(problem: &'a JointProblem<'a>, state: &State, slow: &'a SlowMotions) -> Option<Self> {
         let layout = &problem.layout;
-        let surfels = layout.first_surfel..layout.first_patch + state.patches.len();
+        let surface = layout.first_surfel..layout.first_plane + state.planes.len();
         let factor = problem.factor()?;
         let mut changes: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
         changes.extend(problem.sides_of_slopes(state));
         Some(Self {
             problem,
-            inverse: factor.selected_inverse(|block| !surfels.contains(&block)),
+            inverse: factor.selected_inverse(|block| !surface.contains(&block)),
             changes,
             slow,
         })

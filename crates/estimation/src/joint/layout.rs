@@ -11,7 +11,7 @@ pub const REFERENCE: usize = 6;
 /// Index of the upward shift among them.
 pub const UP: usize = 2;
 
-/// The blocks of unknowns: each drive's motion, surfels, patches, knots of mountings, and at the end those that
+/// The blocks of unknowns: each drive's motion, surfels, patches, planes, knots of mountings, and at the end those that
 /// couple with nearly everything: errors of the reference, constants, latencies, compliances and mountings.
 #[derive(Debug, Clone)]
 pub struct Layout {
@@ -20,6 +20,8 @@ pub struct Layout {
     pub first_motion: Vec<usize>,
     pub first_surfel: usize,
     pub first_patch: usize,
+    /// Of the slopes of planes in which several surfels lie.
+    pub first_plane: usize,
     /// The block of the reference's errors, if there is a reference.
     pub reference: Option<usize>,
     /// The block of each constant of each drive; drives share those of the same name and base.
@@ -69,6 +71,7 @@ impl Layout {
         };
         let first_surfel = add(association.surfels.len(), 3);
         let first_patch = add(association.patches, 1);
+        let first_plane = add(association.planes.len(), 2);
         let drives = bends.into_iter().flat_map(|bends| &bends.knots);
         let of_drive = |scanners: &Vec<GaussMarkov>| {
             let first = scanners.iter().map(|knots| add(knots.knot_s.len(), 6));
@@ -119,6 +122,7 @@ impl Layout {
             first_motion,
             first_surfel,
             first_patch,
+            first_plane,
             reference,
             constants,
             constant_owner,

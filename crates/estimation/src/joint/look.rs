@@ -166,7 +166,9 @@ impl JointProblem<'_> {
             .map(|(surfel, shape)| {
                 let Some(prior) = &surfel.prior else {
                     let squares = surfel.assumed.information();
-                    let apart = shape - Vec3::from(surfel.assumed.shape);
+                    let slopes = self.slopes_of_plane(surfel, state);
+                    let [b, c] = slopes.map_or([0.0; 2], |slopes| slopes.map(|slope| slope.value));
+                    let apart = shape - Vec3::new(0.0, b, c);
                     return (
                         Mat3::from_diagonal(&squares),
                         -squares.component_mul(&apart),

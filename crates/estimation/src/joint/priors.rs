@@ -6,7 +6,7 @@ use super::motion::rows_together;
 use super::problem::JointProblem;
 use super::row::{HELD_SIGMA, RowBatch};
 use super::state::State;
-use super::surfel::{LEAST_SIGMA_M, ReferencePlane, Surfel};
+use super::surfel::{LEAST_SIGMA_M, ReferencePlane, SlopeOfPlane, Surfel};
 use crate::calibration::parameters::{change, euler_jacobian_body};
 use crate::calibration::{INITIAL_SIGMA, Mounting};
 use crate::geometry::Vec3;
@@ -82,6 +82,12 @@ impl JointProblem<'_> {
         })
     }
 
+    /// The slopes of the plane in which a surfel lies with others; `None` without one.
+    pub fn slopes_of_plane(&self, surfel: &Surfel, state: &State) -> Option<[SlopeOfPlane; 2]> {
+        let plane = surfel.assumed.plane? as usize;
+        Some(self.association.planes[plane].along(state.planes[plane], surfel))
+    }
+
     /// Priors of surfels and of the reference's surface errors.
     pub fn surface(&self, state: &State, batch: &mut RowBatch) {
         let surfels = self
@@ -93,13 +99,21 @@ impl JointProblem<'_> {
         for (index, (surfel, shape)) in surfels {
             let block = self.layout.first_surfel + index;
             let Some(prior) = &surfel.prior else {
-                let assumed = &surfel.assumed;
-                for (i, sigma) in assumed.sigma.iter().enumerate() {
+                let slopes = self.slopes_of_plane(surfel, state);
+                for (i, sigma) in surfel.assumed.sigma.iter().enumerate() {
                     let mut by = [0.0; 3];
                     by[i] = 1.0 / sigma;
-                    let residual = (shape[i] - assumed.shape[i]) / sigma;
-                    batch.begin(self.groups.assumed, 1.0, residual);
+                    let slope = slopes
+                        .as_ref()
+                        .filter(|_| i > 0)
+                        .map(|slopes| &slopes[i - 1]);
+                    let assumed = slope.map_or(0.0, |slope| slope.value);
+                    batch.begin(self.groups.assumed, 1.0, (shape[i] - assumed) / sigma);
                     batch.touch(block, &by);
+                    if let (Some(slope), Some(plane)) = (slope, surfel.assumed.plane) {
+                        let by = slope.by_plane.map(|by| -by / sigma);
+                        batch.touch(self.layout.first_plane + plane as usize, &by);
+                    }
                 }
                 continue;
             };

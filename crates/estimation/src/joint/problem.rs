@@ -22,8 +22,8 @@ const HELD: usize = 16;
 
 /// Uncertainty of the start values of surfels, the unit of their damping: offset (metres) and slopes.
 const SURFEL_START_SIGMA: [f64; 3] = [10.0, 0.1, 0.1];
-/// Uncertainty of the start values of mountings (metres, radians), latencies (seconds) and the
-/// reference, the unit of their damping.
+/// Uncertainty of the start values of mountings (metres, radians), latencies (seconds), slopes of planes and
+/// the reference, the unit of their damping.
 const START_SIGMA: f64 = 0.02;
 
 /// Deviation of a narrow strip of points from the plane that does not average out over its points, as a
@@ -327,6 +327,7 @@ impl<'a> JointProblem<'a> {
             late_s: state.late_s.clone(),
             shapes: state.shapes.clone(),
             patches: state.patches.clone(),
+            planes: state.planes.clone(),
             reference: state.reference,
         };
         for (late, block) in next.late_s.iter_mut().zip(&layout.of_scanners.late) {
@@ -355,6 +356,11 @@ impl<'a> JointProblem<'a> {
                 .iter_mut()
                 .zip(patches)
                 .for_each(|(x, d)| *x += d);
+        }
+        if !next.planes.is_empty() {
+            let planes = part(layout.first_plane, 2 * next.planes.len());
+            let slopes = next.planes.iter_mut().flatten();
+            slopes.zip(planes).for_each(|(x, d)| *x += d);
         }
         if let Some(block) = layout.reference {
             next.reference

@@ -69,7 +69,7 @@ impl JointProblem<'_> {
     /// The expectation of what noise of slopes adds to the normal matrix along these changes of all unknowns: the sum over
     /// surfels of Σ E_st D_sᵀ (1 − A C Aᵀ) D_t over both slopes s and t, with the derivatives A of rows by (a, b, c), C =
     /// (AᵀA + P)⁻¹ with what is assumed about them, the covariance E = C AᵀA C of their noise (C if what is assumed is a
-    /// mean that has noise itself), and the derivatives D_s of the rows along the changes, differentiated by s.
+    /// plane, whose slopes have noise themselves), and the derivatives D_s of the rows along the changes, differentiated by s.
     pub(super) fn noise_of_slopes(&self, state: &State, changes: &DMatrix<f64>) -> DMatrix<f64> {
         let rows = self.rows_of_surfels(state, changes);
         // Derivatives are linear in the slopes.
@@ -100,7 +100,7 @@ impl JointProblem<'_> {
             let Some(c) = (squares + Mat3::from_diagonal(&assumed)).try_inverse() else {
                 continue;
             };
-            let e = if surfel.assumed.is_mean {
+            let e = if surfel.assumed.plane.is_some() {
                 c
             } else {
                 c * squares * c

@@ -17,6 +17,8 @@ pub struct State {
     pub shapes: Vec<Vec3>,
     /// Offsets of the reference's patches, metres.
     pub patches: Vec<f64>,
+    /// Slopes (p, q) of the planes in which several surfels lie.
+    pub planes: Vec<[f64; 2]>,
     /// Correction of the reference: shift (metres) and rotation vector (radians) about its centre.
     pub reference: [f64; REFERENCE],
 }
@@ -30,6 +32,7 @@ impl Clone for State {
             late_s: self.late_s.clone(),
             shapes: self.shapes.clone(),
             patches: self.patches.clone(),
+            planes: self.planes.clone(),
             reference: self.reference,
         }
     }

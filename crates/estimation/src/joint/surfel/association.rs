@@ -66,8 +66,6 @@ pub fn associate(
         }
         None => (level.surfels, level.drives),
     };
-    let ground = references[0].grid.regions();
-    share_slopes(&mut surfels, |surfel| ground.key(&surfel.centre_m));
     let mut patches: VoxelMap<VoxelKey, u32> = VoxelMap::default();
     for surfel in &mut surfels {
         if let Some(prior) = &mut surfel.prior {
@@ -84,8 +82,11 @@ pub fn associate(
     }
     find_coverage(&surfels, mountings.len(), &mut drives);
     drop_unchecked(&mut surfels, &mut drives, scans);
+    let ground = references[0].grid.regions();
+    let planes = share_slopes(&mut surfels, |surfel| ground.key(&surfel.centre_m));
     Association {
         surfels,
+        planes,
         drives,
         patches: patches.len(),
         reference: references[0].place,

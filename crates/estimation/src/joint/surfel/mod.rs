@@ -75,11 +75,10 @@ pub struct Surfel {
 /// What is assumed about (a, b, c) of a surfel: metres and slopes.
 #[derive(Debug, Clone, Copy)]
 pub struct Assumed {
-    pub shape: [f64; 3],
     /// Standard deviations.
     pub sigma: [f64; 3],
-    /// Whether the slopes are a mean of estimates, with the noise of their standard deviation.
-    pub is_mean: bool,
+    /// Index of the plane whose slopes it has; without one, (a, b, c) are near zero.
+    pub plane: Option<u32>,
 }
 
 impl Assumed {
@@ -92,10 +91,39 @@ impl Assumed {
 impl Default for Assumed {
     fn default() -> Self {
         Self {
-            shape: [0.0; 3],
             sigma: SURFEL_SIGMA,
-            is_mean: false,
+            plane: None,
         }
+    }
+}
+
+/// A plane in which several surfels lie. Its normal is n − p u − q v, with the unknown slopes p and q.
+#[derive(Debug, Clone)]
+pub struct SharedPlane {
+    /// Unit vectors: normal, u, v.
+    pub axes: [Vec3; 3],
+}
+
+/// A slope of a plane along an axis of a surfel.
+pub struct SlopeOfPlane {
+    pub value: f64,
+    /// Derivatives by p and q.
+    pub by_plane: [f64; 2],
+}
+
+impl SharedPlane {
+    /// The slopes b and c, given p and q: −N·u'/N·n' and −N·v'/N·n' with the normal N and the axes of the surfel.
+    pub fn along(&self, [p, q]: [f64; 2], surfel: &Surfel) -> [SlopeOfPlane; 2] {
+        let [normal, u, v] = self.axes;
+        let now = normal - u * p - v * q;
+        let up = now.dot(&surfel.axes[0]);
+        [surfel.axes[1], surfel.axes[2]].map(|axis| {
+            let value = -now.dot(&axis) / up;
+            SlopeOfPlane {
+                value,
+                by_plane: [u, v].map(|by| (by.dot(&axis) + value * by.dot(&surfel.axes[0])) / up),
+            }
+        })
     }
 }
 
@@ -234,6 +262,8 @@ fn keep(surfels: &mut Vec<Surfel>, drives: &mut [DriveRows], kept: &[bool]) {
 #[derive(Debug, Clone, Default)]
 pub struct Association {
     pub surfels: Vec<Surfel>,
+    /// Planes in which several surfels lie.
+    pub planes: Vec<SharedPlane>,
     /// The rows of each drive.
     pub drives: Vec<DriveRows>,
     /// Number of patches of the reference's surface errors.

@@ -1,11 +1,12 @@
 //! Planes in which several surfels lie.
 //!
 //! Few noisy points determine the slopes of a surfel poorly. On a floor or a board all slopes are the same, and noise that
-//! is taken for slopes would tell where points that only slide along it belong.
+//! is taken for slopes would tell where points that only slide along it belong. The slopes of the plane are unknowns: they
+//! follow the poses and mountings, which are not yet right when points are sorted.
 
 use rayon::prelude::*;
 
-use super::{Assumed, Surfel};
+use super::{SharedPlane, Surfel};
 use crate::cloud::voxel::{VoxelKey, VoxelMap};
 use crate::geometry::Vec3;
 
@@ -23,23 +24,33 @@ const STEEPEST: f64 = 0.5;
 const OWN_SLOPES: f64 = 2.0;
 
 /// Assumes that surfels without a reference which may lie in one plane with others of their region have the slopes of this
-/// plane.
-pub fn share_slopes(surfels: &mut [Surfel], region: impl Fn(&Surfel) -> VoxelKey) {
+/// plane. Returns the planes.
+pub fn share_slopes(
+    surfels: &mut [Surfel],
+    region: impl Fn(&Surfel) -> VoxelKey,
+) -> Vec<SharedPlane> {
     let mut regions: VoxelMap<VoxelKey, Vec<usize>> = VoxelMap::default();
     for (index, surfel) in surfels.iter().enumerate() {
         if surfel.prior.is_none() {
             regions.entry(region(surfel)).or_default().push(index);
         }
     }
+    let mut regions: Vec<Vec<usize>> = regions.into_values().collect();
+    regions.sort_unstable();
     let planes: Vec<(Vec<usize>, Plane)> = regions
         .into_par_iter()
-        .flat_map_iter(|(_, members)| planes(surfels, members))
+        .flat_map_iter(|members| planes(surfels, members))
         .collect();
-    for (members, plane) in planes {
-        for index in members {
-            surfels[index].assumed = plane.slopes_of(&surfels[index]);
+    for (number, (members, plane)) in (0..).zip(&planes) {
+        let sigma = (plane.scatter / plane.count).sqrt();
+        for &index in members {
+            let assumed = &mut surfels[index].assumed;
+            assumed.plane = Some(number);
+            assumed.sigma[1..].fill(sigma);
         }
     }
+    let shared = planes.into_iter().map(|(_, plane)| plane.shared());
+    shared.collect()
 }
 
 /// The planes of a region, those with the most surfels first, as far as their slopes are worth sharing.
@@ -117,15 +128,12 @@ impl Plane {
         }
     }
 
-    /// The slopes (b, c) of the plane in the axes of a surfel, with the standard deviation of the mean.
-    fn slopes_of(&self, surfel: &Surfel) -> Assumed {
-        let [normal, u, v] = surfel.axes;
-        let slope = |along: &Vec3| -self.normal.dot(along) / self.normal.dot(&normal);
-        let sigma = (self.scatter / self.count).sqrt();
-        Assumed {
-            shape: [0.0, slope(&u), slope(&v)],
-            sigma: [surfel.assumed.sigma[0], sigma, sigma],
-            is_mean: true,
+    fn shared(&self) -> SharedPlane {
+        // Any axes in the plane: across the axis of the world that is farthest from its normal.
+        let across = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0));
+        let u = across.normalize();
+        SharedPlane {
+            axes: [self.normal, u, self.normal.cross(&u)],
         }
     }
 }
@@ -166,8 +174,10 @@ mod tests {
     }
 
     /// The normal that is assumed: n − b u − c v.
-    fn assumed(surfel: &Surfel) -> Vec3 {
-        let ([normal, u, v], [_, b, c]) = (surfel.axes, surfel.assumed.shape);
+    fn assumed(surfel: &Surfel, planes: &[SharedPlane]) -> Vec3 {
+        let plane = &planes[surfel.assumed.plane.unwrap() as usize];
+        let [b, c] = plane.along([0.0; 2], surfel).map(|slope| slope.value);
+        let [normal, u, v] = surfel.axes;
         let normal = (normal - u * b - v * c).normalize();
         normal * normal.z.signum()
     }
@@ -178,14 +188,16 @@ mod tests {
         let (floor, board) = (Vec3::z(), Vec3::new(0.6, 0.0, 0.8));
         let mut surfels: Vec<Surfel> = about(floor, 60, 0.0, &mut random).collect();
         surfels.extend(about(board, 12, 0.0, &mut random));
-        share_slopes(&mut surfels, |_| [0; 3]);
+        let planes = share_slopes(&mut surfels, |_| [0; 3]);
         for (of_plane, normal) in [(&surfels[..60], floor), (&surfels[60..], board)] {
             let expected = SIGMA / (of_plane.len() as f64).sqrt();
             for surfel in of_plane {
                 let [_, b, c] = surfel.assumed.sigma;
                 assert!(b == c && (b / expected - 1.0).abs() < 0.4, "{b} {expected}");
                 // Both slopes within 4 sigma.
-                assert!((assumed(surfel) - normal).norm() < 4.0 * 2.0_f64.sqrt() * expected);
+                assert!(
+                    (assumed(surfel, &planes) - normal).norm() < 4.0 * 2.0_f64.sqrt() * expected
+                );
             }
         }
     }
@@ -196,7 +208,7 @@ mod tests {
         let mut shared = |scatter: f64| {
             let mut surfels: Vec<Surfel> = about(Vec3::z(), 200, scatter, &mut random).collect();
             share_slopes(&mut surfels, |_| [0; 3]);
-            let is_shared = |surfel: &&Surfel| surfel.assumed.is_mean;
+            let is_shared = |surfel: &&Surfel| surfel.assumed.plane.is_some();
             surfels.iter().filter(is_shared).count()
         };
         assert!(shared(0.7 * SIGMA) > 190);
@@ -209,6 +221,6 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let mut surfels: Vec<Surfel> = about(Vec3::z(), 5, 0.0, &mut random).collect();
         share_slopes(&mut surfels, |_| [0; 3]);
-        assert!(surfels.iter().all(|surfel| !surfel.assumed.is_mean));
+        assert!(surfels.iter().all(|surfel| surfel.assumed.plane.is_none()));
     }
 }

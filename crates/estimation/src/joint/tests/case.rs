@@ -10,7 +10,9 @@ use crate::joint::layout::{Groups, REFERENCE};
 use crate::joint::motion::Motion;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
-use crate::joint::surfel::{Association, Gates, Grid, ReferenceCells, associate};
+use crate::joint::surfel::{
+    Association, Assumed, Gates, Grid, ReferenceCells, SharedPlane, associate,
+};
 use crate::joint::{
     ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, JointInput, JointSettings,
     MountingMotion, Rung, Scans,
@@ -412,16 +414,43 @@ impl Case {
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),
             patches: Vec::new(),
+            planes: Vec::new(),
             reference: [0.0; REFERENCE],
         }
     }
 
     /// The problem with all points within 20 mm of their surfels, and its start.
     pub fn problem<'a>(&'a self, input: &'a JointInput<'a>) -> (JointProblem<'a>, State) {
-        let association = self.associated(input, 0.005);
+        self.problem_of(input, self.associated(input, 0.005))
+    }
+
+    /// As [`Self::problem`], where every third surfel without a reference is assumed to lie in one plane.
+    pub fn problem_with_plane<'a>(
+        &'a self,
+        input: &'a JointInput<'a>,
+    ) -> (JointProblem<'a>, State) {
+        let mut association = self.associated(input, 0.005);
+        let surfels = association.surfels.iter_mut();
+        for surfel in surfels.filter(|surfel| surfel.prior.is_none()).step_by(3) {
+            surfel.assumed = Assumed {
+                sigma: [100.0, 0.01, 0.01],
+                plane: Some(0),
+            };
+            let axes = surfel.axes;
+            association.planes = vec![SharedPlane { axes }];
+        }
+        self.problem_of(input, association)
+    }
+
+    fn problem_of<'a>(
+        &'a self,
+        input: &'a JointInput<'a>,
+        association: Association,
+    ) -> (JointProblem<'a>, State) {
         let mut state = self.state();
         state.shapes = vec![Vec3::zeros(); association.surfels.len()];
         state.patches = vec![0.0; association.patches];
+        state.planes = vec![[0.0; 2]; association.planes.len()];
         let problem = JointProblem::new(
             input,
             &self.settings,

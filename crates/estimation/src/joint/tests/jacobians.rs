@@ -42,7 +42,8 @@ fn kind(problem: &JointProblem<'_>, block: usize) -> &'static str {
             _ => "error or bridge",
         },
         b if b < layout.first_patch => "surfel",
-        b if b < layout.first_patch + problem.association.patches => "patch",
+        b if b < layout.first_plane => "patch",
+        b if b < layout.first_plane + problem.association.planes.len() => "plane",
         b if layout.compliance.contains(&b) => "bending",
         b if layout.knots.iter().flatten().any(|&first| b >= first) && b < layout.last() => {
             "bending"
@@ -142,7 +143,7 @@ fn every_row_meets_finite_differences() {
     let moving = ("mountings that move", Case::moving());
     for (name, case) in Case::all().into_iter().chain([moving]) {
         let input = case.input();
-        let (problem, start) = case.problem(&input);
+        let (problem, start) = case.problem_with_plane(&input);
         for by in [0.0, 1e-3] {
             let state = off(&problem, &start, by);
             for ((group, kind), (share, error, size)) in worst(&problem, &state) {

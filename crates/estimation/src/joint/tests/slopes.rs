@@ -6,6 +6,8 @@ use super::case::Case;
 use super::rows::Dense;
 use super::rows::inverse;
 use crate::calibration::INITIAL_SIGMA;
+use crate::geometry::Vec3;
+use crate::geometry::so3::exp;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
 
@@ -39,12 +41,7 @@ fn of_surfels(problem: &JointProblem<'_>) -> std::ops::Range<usize> {
 fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
     for (name, case) in Case::all() {
         let input = case.input();
-        let (mut problem, state) = case.problem(&input);
-        let surfels = problem.association.surfels.iter_mut();
-        for surfel in surfels.filter(|surfel| surfel.prior.is_none()).step_by(3) {
-            surfel.assumed.sigma = [100.0, 0.01, 0.01];
-            surfel.assumed.is_mean = true;
-        }
+        let (problem, state) = case.problem_with_plane(&input);
         let dense = Dense::new(&problem, &state);
         // What follows changes of three parameters of the mountings.
         let covariance = inverse(&dense.h());
@@ -57,10 +54,10 @@ fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
         let normal = a.tr_mul(&(DMatrix::from_diagonal(&dense.weights) * a));
         let own = inverse(&normal);
         let surfels = &problem.association.surfels;
-        // What is assumed has no noise, unless it is a mean.
+        // What is assumed has no noise, unless it is a plane.
         let is_noisy = |row: usize| {
             let surfel = a.row(row).transpose().iamax() / 3;
-            dense.groups[row] != problem.groups.assumed || surfels[surfel].assumed.is_mean
+            dense.groups[row] != problem.groups.assumed || surfels[surfel].assumed.plane.is_some()
         };
         let noisy = (0..a.nrows()).map(|row| f64::from(is_noisy(row)) * dense.weights[row]);
         let noisy = DMatrix::from_diagonal(&DVector::from_iterator(a.nrows(), noisy));
@@ -96,6 +93,37 @@ fn noise_of_slopes_is_what_noise_adds_to_the_normal_matrix() {
         println!("{name}: off {off:e} of 1, allowed {allowed:e}");
         assert!(off < allowed && allowed < 1e-4, "{name}: {off:e}");
     }
+}
+
+/// Points are sorted with poses and mountings that are not yet right, and so are the normals of planes.
+#[test]
+fn nothing_depends_on_the_normal_that_a_plane_had_when_points_were_sorted() {
+    let case = Case::plain();
+    let input = case.input();
+    let (mut problem, state) = case.problem_with_plane(&input);
+    let step = |problem: &JointProblem<'_>| {
+        let dense = Dense::new(problem, &state);
+        let covariance = inverse(&dense.h());
+        (
+            &covariance * dense.g(),
+            covariance.diagonal().map(f64::sqrt),
+        )
+    };
+    let (before, sigma) = step(&problem);
+    let turn = exp(&Vec3::new(1e-3, -2e-3, 0.0));
+    let [plane] = &mut problem.association.planes[..] else {
+        panic!("one plane");
+    };
+    plane.axes = plane.axes.map(|axis| turn * axis);
+    let (after, _) = step(&problem);
+    let moved = (after - before).component_div(&sigma);
+    let place = problem.offset(problem.layout.first_plane);
+    for (unknown, moved) in moved.iter().enumerate() {
+        let is_plane = (place..place + 2).contains(&unknown);
+        // To first order in a turn of 2 mrad.
+        assert!(is_plane || moved.abs() < 1e-3, "{unknown}: {moved}");
+    }
+    assert!(moved.rows(place, 2).amax() > 0.1, "the plane turned");
 }
 
 /// Variances of the mountings over those of the normal equations, and over those of initial values; noise of scans is
