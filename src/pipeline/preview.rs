@@ -12,9 +12,7 @@ use super::start;
 use crate::calibration::ScannerSample;
 use crate::diagnostics::PoseSigmas;
 use crate::error::Result;
-use crate::geometry::Vec3;
 use crate::judgement;
-use crate::preflight::{Placement, scans};
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::trajectory::Trajectory;
@@ -131,9 +129,10 @@ impl Preview {
             .iter()
             .any(|verdict| verdict.severity.is_marked());
         self.verdicts.extend(start.verdicts);
+        // A placement that contradicts nothing may also show nothing.
         if !contradicts {
             self.verdicts
-                .push(placement(&start.rig, &samples, trajectory, &reference));
+                .push(judgement::first_placement(start.apart_m));
         }
         Ok(())
     }
@@ -154,22 +153,6 @@ impl Progress for Heard {
         }
     }
     fn verdict(&self, _text: &str) {}
-}
-
-/// The verdict on a first placement that contradicts nothing: it may also show nothing.
-fn placement(
-    rig: &Rig,
-    samples: &[ScannerSample],
-    trajectory: &Trajectory,
-    reference: &[Vec3],
-) -> Verdict {
-    let placed = scans(&Placement {
-        mountings: &rig.mountings,
-        samples,
-        trajectory,
-        reference,
-    });
-    judgement::first_placement(placed.apart_m())
 }
 
 fn scan_found(name: &str, sample: &ScannerSample) -> ScanFound {

@@ -136,6 +136,8 @@ pub struct Start {
     /// The mountings of the project, or others with which the clouds take up much less space; and the scales of the
     /// project, preceded by coarser ones if the clouds lie too far apart for them.
     pub rig: Rig,
+    /// How far clouds of the same ground lie apart, metres; `None` if too little shows it.
+    pub apart_m: Option<f64>,
     /// Contradictions between the scans and their placement.
     pub verdicts: Vec<Verdict>,
 }
@@ -192,6 +194,7 @@ pub fn start(
     begin.voxel_sizes_m = scales_for(project, &begin, samples, rough_m, apart_m, progress);
     Start {
         rig: begin,
+        apart_m,
         verdicts,
     }
 }

@@ -156,6 +156,24 @@ pub fn simulated() -> (tempfile::TempDir, PathBuf) {
     (temp, drive)
 }
 
+/// Copies the project and the sensors' files of the drive of [`simulated`] into another folder, which is made. The
+/// reference is two folders up from there.
+pub fn copy_drive(drive: &Path, folder: &Path) {
+    std::fs::create_dir_all(folder).unwrap();
+    for name in [
+        "imu.csv",
+        "prism.csv",
+        "heading.csv",
+        "left.bin",
+        "right.bin",
+    ] {
+        std::fs::copy(drive.join(name), folder.join(name)).unwrap();
+    }
+    let text = std::fs::read_to_string(drive.join("project.toml")).unwrap();
+    let text = text.replace("\"../tls.laz\"", "\"../../tls.laz\"");
+    std::fs::write(folder.join("project.toml"), text).unwrap();
+}
+
 /// The files of the field of [`simulated`].
 fn simulate_tiny() -> BTreeMap<PathBuf, Vec<u8>> {
     let temp = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{self, Run, boresight, files, simulated};
+use crate::common::{self, Run, boresight, copy_drive, files, simulated};
 use boresight::format::read_cloud;
 use serde_json::Value;
 
@@ -21,20 +21,7 @@ fn campaign(more: &str) -> (tempfile::TempDir, PathBuf) {
     fs::create_dir_all(&root).unwrap();
     fs::copy(drive.join("../tls.laz"), root.join("tls.laz")).unwrap();
     for (date, plot) in DATES.iter().flat_map(|date| PLOTS.map(|plot| (date, plot))) {
-        let folder = root.join(date).join(plot);
-        fs::create_dir_all(&folder).unwrap();
-        for name in [
-            "imu.csv",
-            "prism.csv",
-            "heading.csv",
-            "left.bin",
-            "right.bin",
-        ] {
-            fs::copy(drive.join(name), folder.join(name)).unwrap();
-        }
-        let text = fs::read_to_string(drive.join("project.toml")).unwrap();
-        let text = text.replace("../tls.laz", "../../tls.laz");
-        fs::write(folder.join("project.toml"), text).unwrap();
+        copy_drive(&drive, &root.join(date).join(plot));
     }
     let text =
         format!("[campaign]\ndrives = \"{{date}}/{{plot}}/project.toml\"\ntile_m = 2.0\n{more}");
@@ -315,22 +302,8 @@ fn drives_can_be_folders_with_a_project_template_and_a_calibration_is_an_item() 
         text.replace("\"left.bin\"", "\"*ft.bin\""),
     )
     .unwrap();
-    let calibrated = root.join("boards/20250501");
-    fs::create_dir_all(&calibrated).unwrap();
-    for name in [
-        "imu.csv",
-        "prism.csv",
-        "heading.csv",
-        "left.bin",
-        "right.bin",
-        "project.toml",
-    ] {
-        fs::copy(
-            root.join(DATES[0]).join("p1").join(name),
-            calibrated.join(name),
-        )
-        .unwrap();
-    }
+    let drive = root.join(DATES[0]).join("p1");
+    copy_drive(&drive, &root.join("boards/20250501"));
     for date in DATES {
         for plot in PLOTS {
             fs::remove_file(root.join(date).join(plot).join("project.toml")).unwrap();

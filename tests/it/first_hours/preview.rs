@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::common::{change_project, on_project, simulated};
+use crate::common::{change_project, copy_drive, on_project, simulated};
 
 /// The first file of `inspect --json`.
 fn document(drive: &Path) -> Value {
@@ -107,21 +107,7 @@ fn what_was_not_looked_at_is_said() {
     let path = drive.join("project.toml");
     let text = fs::read_to_string(&path).unwrap();
     let other = "\n[[evaluation]]\nname = \"other\"\nproject = \"other/project.toml\"\n";
-    fs::create_dir(drive.join("other")).unwrap();
-    fs::write(
-        drive.join("other/project.toml"),
-        text.replace("../tls", "../../tls"),
-    )
-    .unwrap();
-    for name in [
-        "imu.csv",
-        "prism.csv",
-        "heading.csv",
-        "left.bin",
-        "right.bin",
-    ] {
-        fs::copy(drive.join(name), drive.join("other").join(name)).unwrap();
-    }
+    copy_drive(&drive, &drive.join("other"));
     fs::write(&path, text + other).unwrap();
     let run = on_project(&drive, "inspect", &[]);
     assert_eq!(run.code, 0, "{}", run.err);
