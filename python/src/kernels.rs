@@ -3,8 +3,8 @@
 use boresight::cloud::shape::Feature;
 use boresight::cloud::{NeighbourIndex, Neighbourhood, voxel};
 use boresight::comparison::{
-    Aggregation, ComparisonSettings, CoreDistance, Detection, IndexedClouds, MeasuredScales,
-    Normals, OpenSettings, Scales, Statistics, StreamedCloud, core_points,
+    Aggregation, ComparisonSettings, Computed, CoreDistance, Detection, IndexedClouds,
+    MeasuredScales, Normals, OpenSettings, Scales, Statistics, StreamedCloud, core_points,
 };
 use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::georeference::Georeferencer;
@@ -183,15 +183,10 @@ impl Comparing {
         &self,
         reference: &[Vec3],
         compared: &[Vec3],
-        needs: Needs,
+        computed: Computed,
     ) -> Result<ComparisonSettings> {
         let open = self.open();
-        let given = &open.scales;
-        let is_open = given.cylinder_radius_m.is_none()
-            || given.max_distance_m.is_none()
-            || (needs.core_points && given.core_spacing_m.is_none())
-            || (needs.normals && given.normal_radii_m.is_none());
-        let measured = if is_open {
+        let measured = if open.scales.lack(computed) {
             let mut points = |each: &mut dyn FnMut(&[Vec3]) -> Result<()>| each(reference);
             let mut others = |each: &mut dyn FnMut(&[Vec3]) -> Result<()>| each(compared);
             let reference = StreamedCloud {
@@ -208,12 +203,6 @@ impl Comparing {
         };
         Ok(open.closed(measured.as_ref()))
     }
-}
-
-/// What a comparison computes.
-struct Needs {
-    core_points: bool,
-    normals: bool,
 }
 
 /// One array for each value of the core points, and their statistics as JSON, `None` without a distance.
@@ -243,11 +232,11 @@ fn m3c2<'py>(
                 orientation: settings.orientation_vector.into(),
             },
         };
-        let needs = Needs {
+        let computed = Computed {
             core_points: core.is_none(),
             normals: matches!(normals, Normals::MostPlanar { .. }),
         };
-        let settings = settings.settings(reference, compared, needs)?;
+        let settings = settings.settings(reference, compared, computed)?;
         let thinned = match core {
             Some(_) => Vec::new(),
             None => core_points(reference, &settings),

@@ -29,7 +29,7 @@ pub use m3c2::m3c2;
 pub use map::{DistanceMap, Histogram};
 pub use passes::{PassCells, PassDistances, TimedPoint};
 pub use result::{CoreDistance, M3c2};
-pub use scales::{MeasuredScales, OpenSettings, Scales, StreamedCloud};
+pub use scales::{Computed, MeasuredScales, OpenSettings, Scales, StreamedCloud};
 pub use search::reach_m;
 pub use settings::{Aggregation, ComparisonSettings, Detection};
 pub use statistics::Statistics;

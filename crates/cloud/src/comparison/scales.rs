@@ -67,6 +67,25 @@ pub struct Scales {
     pub max_distance_m: Option<f64>,
 }
 
+/// What a comparison computes because it is not given.
+#[derive(Debug, Clone, Copy)]
+pub struct Computed {
+    /// Core points, which need a spacing.
+    pub core_points: bool,
+    /// Normals, which need radii.
+    pub normals: bool,
+}
+
+impl Scales {
+    /// Whether one is not given that the comparison needs.
+    pub fn lack(&self, computed: Computed) -> bool {
+        self.cylinder_radius_m.is_none()
+            || self.max_distance_m.is_none()
+            || (computed.core_points && self.core_spacing_m.is_none())
+            || (computed.normals && self.normal_radii_m.is_none())
+    }
+}
+
 /// Settings of a comparison that may leave scales open.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OpenSettings {

@@ -9,8 +9,8 @@ use super::source::CloudSource;
 use super::stage::stage;
 use super::store::TileStore;
 use crate::comparison::{
-    ComparisonSettings, CoreDistance, IndexedClouds, M3c2, MeasuredScales, Normals, OpenSettings,
-    StreamedCloud, core_indices, core_points, reach_m,
+    ComparisonSettings, Computed, CoreDistance, IndexedClouds, M3c2, MeasuredScales, Normals,
+    OpenSettings, StreamedCloud, core_indices, core_points, reach_m,
 };
 use crate::error::Result;
 use crate::format::{self, CorePoints};
@@ -180,12 +180,11 @@ fn measure(
     work: &mut Compared,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let given = &comparison.settings.scales;
-    let is_open = given.cylinder_radius_m.is_none()
-        || given.max_distance_m.is_none()
-        || (given.core_spacing_m.is_none() && comparison.core.is_none())
-        || (given.normal_radii_m.is_none() && work.orientation.is_some());
-    if !is_open {
+    let computed = Computed {
+        core_points: comparison.core.is_none(),
+        normals: work.orientation.is_some(),
+    };
+    if !comparison.settings.scales.lack(computed) {
         return Ok(());
     }
     let total = 3 * (reference.count + compared.count);
