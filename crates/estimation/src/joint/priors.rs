@@ -103,10 +103,8 @@ impl JointProblem<'_> {
                 for (i, sigma) in surfel.assumed.sigma.iter().enumerate() {
                     let mut by = [0.0; 3];
                     by[i] = 1.0 / sigma;
-                    let slope = slopes
-                        .as_ref()
-                        .filter(|_| i > 0)
-                        .map(|slopes| &slopes[i - 1]);
+                    let slope = i.checked_sub(1).zip(slopes.as_ref());
+                    let slope = slope.map(|(slope, slopes)| &slopes[slope]);
                     let assumed = slope.map_or(0.0, |slope| slope.value);
                     batch.begin(self.groups.assumed, 1.0, (shape[i] - assumed) / sigma);
                     batch.touch(block, &by);

@@ -24,7 +24,7 @@ const STEEPEST: f64 = 0.5;
 const OWN_SLOPES: f64 = 2.0;
 
 /// Assumes that surfels without a reference which may lie in one plane with others of their region have the slopes of this
-/// plane. Returns the planes.
+/// plane, as well as the mean of their normals is known. Returns the planes.
 pub fn share_slopes(
     surfels: &mut [Surfel],
     region: impl Fn(&Surfel) -> VoxelKey,
