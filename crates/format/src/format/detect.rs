@@ -28,9 +28,11 @@ pub fn detect(input: impl Into<Input>) -> Result<Format> {
 
 fn by_content(input: &Input) -> Result<&'static Kind> {
     let (mut stream, size) = input.open()?;
+    let extension = extension(&without_extension(input.path()));
     let start = Start {
         bytes: &input.first_bytes(&mut stream)?,
         size,
+        extension: &extension,
     };
     let is_signed = |kind: &&&Kind| kind.signature.is_some_and(|matches| matches(&start));
     if let Some(kind) = KINDS.iter().find(is_signed) {
@@ -40,7 +42,6 @@ fn by_content(input: &Input) -> Result<&'static Kind> {
         return by_parquet(input);
     }
     // The content is ambiguous: the extension decides if it is known, and its reader reports errors.
-    let extension = extension(&without_extension(input.path()));
     let is_named = |kind: &&&Kind| kind.extensions.contains(&extension.as_str());
     match KINDS.iter().find(is_named) {
         Some(kind) => Ok(kind),

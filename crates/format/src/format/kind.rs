@@ -16,6 +16,8 @@ pub(crate) struct Start<'a> {
     pub(crate) bytes: &'a [u8],
     /// Size of the whole file, bytes.
     pub(crate) size: u64,
+    /// Extension of its name in lower case, before that of a compression.
+    pub(crate) extension: &'a str,
 }
 
 impl Start<'_> {

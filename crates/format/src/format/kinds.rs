@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 40] = [
+pub(crate) const KINDS: [&Kind; 41] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -27,6 +27,7 @@ pub(crate) const KINDS: [&Kind; 40] = [
     &profiles::gocator_stream::STREAM,
     &profiles::bonn::RECORDING,
     &profiles::bonn_processed::RECORDING,
+    &cloud::velodyne::SCAN,
     &poses::sbet::SBET,
     &cloud::pts::PTS,
     &cloud::pts::PTX,

@@ -20,4 +20,5 @@ pub(super) mod sink_checks;
 #[cfg(test)]
 pub(super) mod sink_tests;
 pub(super) mod table;
+pub(super) mod velodyne;
 pub(super) mod xyz_table;

@@ -11,6 +11,7 @@ use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::velodyne;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::{Input, Stream};
 use crate::format::kind::{Frame, Kind, WholeRecord};
@@ -53,6 +54,8 @@ pub(crate) struct BonnReader {
     total: u64,
     times: Continued,
     empty: bool,
+    /// Whether the first profile is damaged, so that the file may be one of another format.
+    may_be_other: bool,
 }
 
 fn word<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
@@ -153,7 +156,8 @@ impl Head {
 
 impl BonnReader {
     pub(crate) fn open(input: &Input) -> Result<Self> {
-        let (file, total) = input.open()?;
+        let (mut file, total) = input.open()?;
+        let may_be_other = !looks_like(&input.first_bytes(&mut file)?);
         Ok(Self {
             path: input.path().to_owned(),
             reader: BufReader::with_capacity(1 << 18, file),
@@ -162,11 +166,19 @@ impl BonnReader {
             total,
             times: Continued::default(),
             empty: true,
+            may_be_other,
         })
     }
 
     /// A format error at byte `at` of the record.
     fn error(&self, at: usize, found: impl Into<String>, expected: impl Into<String>) -> Error {
+        let mut expected = expected.into();
+        if self.start == 0 && self.may_be_other {
+            expected += &format!(
+                " (profiles of the Bonn robot), or {}",
+                velodyne::DESCRIPTION
+            );
+        }
         let at = Location::Byte(self.start + at as u64);
         Error::format(&self.path, at, found, expected)
     }
