@@ -7,7 +7,8 @@ use super::kind::{Format, Kind, Start};
 use super::kinds::KINDS;
 use super::parquet;
 use crate::error::{Error, Location, Result};
-use crate::format::cloud::{headerless, pts, table as cloud_table};
+use crate::format::cloud::headerless::{self, Likeness};
+use crate::format::cloud::{pts, table as cloud_table};
 use crate::format::log::positions;
 use crate::format::poses::tum;
 use crate::format::text::lines::{Lines, Separator, numbers};
@@ -74,7 +75,11 @@ fn by_text(input: &Input) -> Result<&'static Kind> {
             let table = by_columns(&names).filter(|_| !is_marked);
             return table
                 .or_else(|| by_header(&names))
-                .ok_or_else(|| unknown(&lines, &names));
+                .or_else(|| by_header(&Separator::Tab.names(text)))
+                .ok_or_else(|| match headerless::coded_points(&names) {
+                    Some(found) => headerless_table(input, found),
+                    None => unknown(&lines, &names),
+                });
         }
         if let Some(format) = by_columns(&comment) {
             return Ok(format);
@@ -136,20 +141,24 @@ pub(super) fn other_table(input: &Input) -> Result<Option<Error>> {
             continue;
         }
         if !numbers(text, &mut cells) {
+            let first = rows.is_empty().then(|| Separator::of(text).names(text));
+            let coded = first.as_deref().and_then(headerless::coded_points);
+            if let Some(found) = coded {
+                return Ok(Some(headerless_table(input, found)));
+            }
             break;
         }
         has_commas |= Separator::of(text) == Separator::Comma;
         rows.push(cells);
     }
     let found = headerless::other_than_xyz(&rows, has_commas);
-    Ok(found.map(|found| {
-        Error::format(
-            input.path(),
-            Location::Whole,
-            format!("a table without a header that looks like {found}"),
-            "lines that begin with x y z, or a header that names the columns",
-        )
-    }))
+    Ok(found.map(|found| headerless_table(input, found)))
+}
+
+/// The error of a table without a header.
+fn headerless_table(input: &Input, Likeness { found, expected }: Likeness) -> Error {
+    let found = format!("a table without a header that looks like {found}");
+    Error::format(input.path(), Location::Whole, found, expected)
 }
 
 /// The format of lines of x y z, if the table without a header is not another one.

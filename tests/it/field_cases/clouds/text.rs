@@ -2,6 +2,7 @@
 
 use super::{INTENSITIES, UTM, assert_points, case, error, read, some};
 use boresight::format::{inspect, read_cloud, read_imu};
+use boresight::geometry::Vec3;
 
 const THREE: [[f64; 3]; 3] = [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5], [7.25, 8.25, 9.25]];
 
@@ -201,4 +202,61 @@ fn tables_without_a_header_that_are_no_clouds_are_refused() {
     std::fs::write(&path, rows(345_600.0) + &rows(345_601.0) + &rows(345_602.0)).unwrap();
     let text = read_cloud(&path).unwrap_err().to_string();
     assert!(text.contains("GPS weeks and seconds of the week"), "{text}");
+}
+
+#[test]
+fn lists_of_points_with_ids_are_read_by_their_header() {
+    let points = [
+        [352_000.123, 5_646_000.456, 95.277],
+        [352_001.123, 5_646_001.456, 95.377],
+        [352_002.123, 5_646_002.456, 95.477],
+    ];
+    // Between tabs, `Point ID` is one name.
+    let (_, remarks) = assert_points("formats-refused/leica_infinity.txt", &points[..2]);
+    assert!(
+        remarks.contains("the columns Point ID, Code are left out"),
+        "{remarks}"
+    );
+    // The order of north and east cannot be known without a header. With the one that the error names, it is.
+    let folder = tempfile::tempdir().unwrap();
+    for (name, count, found, header) in [
+        (
+            "pnezd_num.csv",
+            3,
+            "points with their names and codes",
+            "id,northing,easting,height,code",
+        ),
+        (
+            "trimble_pts.csv",
+            2,
+            "points with their names and codes",
+            "id,easting,northing,height,code",
+        ),
+        (
+            "pnezd_numonly.csv",
+            3,
+            "points with their numbers",
+            "id,northing,easting,height",
+        ),
+    ] {
+        let text = error(&format!("formats-refused/{name}"));
+        assert!(
+            text.contains("without a header") && text.contains(found),
+            "{text}"
+        );
+        assert!(text.contains(&format!("`{header}`")), "{text}");
+        let rows = std::fs::read_to_string(case("formats-refused").join(name)).unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("{header}\n{rows}")).unwrap();
+        let cloud = read_cloud(&path).unwrap();
+        let expected: Vec<Vec3> = points[..count].iter().map(|p| Vec3::from(*p)).collect();
+        assert_eq!(cloud.points, expected);
+    }
+    // Blanks between the values of a row, and no code in the last one.
+    let path = folder.path().join("a.txt");
+    let text = "Point ID\tX\tY\tZ\tCode\nP 1\t1\t2\t3\tTOP OF WALL\nP2\t4\t5\t6\n";
+    std::fs::write(&path, text).unwrap();
+    let cloud = read_cloud(&path).unwrap();
+    let last: Vec<f64> = cloud.points[1].iter().copied().collect();
+    assert_eq!((cloud.points.len(), last), (2, vec![4.0, 5.0, 6.0]));
 }

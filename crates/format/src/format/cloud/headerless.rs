@@ -10,9 +10,47 @@ const MOST_WEEK: f64 = 4200.0;
 /// Tolerance of the length of a normal as programs write it, with three decimals.
 const UNIT: f64 = 0.01;
 
+/// What a table without a header looks like, and what it should have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Likeness {
+    pub(crate) found: &'static str,
+    pub(crate) expected: &'static str,
+}
+
+/// A table with this content, of which nothing more is known.
+const fn like(found: &'static str) -> Likeness {
+    Likeness {
+        found,
+        expected: "lines that begin with x y z, or a header that names the columns",
+    }
+}
+
+const POINTS: Likeness = Likeness {
+    found: "points with their numbers in the first column",
+    expected: "a header that names the columns in their order, such as `id,easting,northing,height` or \
+               `id,northing,easting,height`",
+};
+const CODED_POINTS: Likeness = Likeness {
+    found: "points with their names and codes",
+    expected: "a header that names the columns in their order, such as `id,easting,northing,height,code` or \
+               `id,northing,easting,height,code`",
+};
+
+/// What the first line of a table looks like if it begins with the name of a point and its coordinates.
+pub(crate) fn coded_points(cells: &[String]) -> Option<Likeness> {
+    let is_number = |cell: &String| cell.parse::<f64>().is_ok_and(f64::is_finite);
+    let [name, coordinates @ ..] = cells else {
+        return None;
+    };
+    // Not a date or a time of day.
+    let is_name = !name.is_empty() && !name.contains([':', '/']);
+    let has_coordinates = coordinates.len() >= 3 && coordinates[..3].iter().all(is_number);
+    (is_name && has_coordinates).then_some(CODED_POINTS)
+}
+
 /// What the first rows of a table look like if its first three columns are not coordinates;
 /// `has_commas` says whether commas separate them.
-pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<&'static str> {
+pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<Likeness> {
     let width = rows.first()?.len();
     if rows.len() < 2 || rows.iter().any(|row| row.len() != width) {
         return None;
@@ -25,15 +63,15 @@ pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<&'st
     };
     let counts = || rows.windows(2).all(|pair| pair[1][0] - pair[0][0] == 1.0);
     if is_within(0, MOST_TIME_S, f64::MAX) && ascends(0) {
-        return Some("times in milliseconds, microseconds or nanoseconds in the first column");
+        return Some(like("times in milliseconds, microseconds or nanoseconds in the first column"));
     }
     // The second column of a raster is whole or has one value.
     if width >= 4 && is_whole(0) && counts() && !is_whole(1) && !is_constant(rows, 1) {
-        return Some("points with their numbers in the first column");
+        return Some(POINTS);
     }
     let is_week = is_whole(0) && is_within(0, 1.0, MOST_WEEK) && is_constant(rows, 0);
     if width >= 5 && is_week && is_within(1, 0.0, WEEK_S) && ascends(1) {
-        return Some("GPS weeks and seconds of the week in the first two columns");
+        return Some(like("GPS weeks and seconds of the week in the first two columns"));
     }
     if width == 7 && ascends(0) {
         let is_colour = (4..7).all(|at| is_whole(at) && is_within(at, 0.0, 65_535.0));
@@ -43,13 +81,13 @@ pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<&'st
         });
         let is_angle = (4..7).all(|at| is_within(at, -360.0, 360.0));
         if is_angle && !is_colour && !is_normal {
-            return Some("time, position and roll, pitch, yaw");
+            return Some(like("time, position and roll, pitch, yaw"));
         }
     }
     let is_fraction = |at| is_whole(at) && is_within(at, 0.0, f64::MAX);
     let are_pairs = width >= 6 && width.is_multiple_of(2) && (0..width).all(is_whole);
     if has_commas && are_pairs && (1..width).step_by(2).all(is_fraction) {
-        return Some("whole numbers between commas, which may be decimal commas");
+        return Some(like("whole numbers between commas, which may be decimal commas"));
     }
     None
 }

@@ -21,4 +21,5 @@ pub(super) mod sink_checks;
 pub(super) mod sink_tests;
 pub(super) mod table;
 pub(super) mod velodyne;
+mod xyz_header;
 pub(super) mod xyz_table;

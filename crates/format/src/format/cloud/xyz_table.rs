@@ -12,11 +12,11 @@
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::gathering::Gathering;
-use crate::format::cloud::names::{Meaning, is_cloud, meaning};
+use crate::format::cloud::names::is_cloud;
+use crate::format::cloud::xyz_header::{Header, fitting, headers};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::text::civil::unix_from_iso;
-use crate::format::text::lines::{Lines, Separator, without_trailer};
+use crate::format::text::lines::Lines;
 use crate::format::text::numerals::Numerals;
 use crate::geometry::Vec3;
 
@@ -28,124 +28,6 @@ pub(crate) const XYZ_TABLE: Kind = Kind {
     ),
     ..Kind::new("xyz-csv", "cloud (text with the columns x, y, z)")
 };
-
-/// A column that is read: its meaning, and the factor to metres or seconds.
-type Slot = Option<(Meaning, f64)>;
-
-/// The columns that are read, and the separator of lines.
-struct Header {
-    names: Vec<String>,
-    slots: Vec<Slot>,
-    separator: Separator,
-}
-
-impl Header {
-    fn of(lines: &Lines, names: Vec<String>, separator: Separator) -> Result<Self> {
-        let slots: Vec<Slot> = names
-            .iter()
-            .map(|name| meaning(name).map_err(|unit| lines.error(unit, "m, mm, cm, km or ft")))
-            .collect::<Result<_>>()?;
-        for (at, slot) in slots.iter().enumerate() {
-            let Some((meaning, _)) = slot else { continue };
-            let is_same = |other: &&Slot| other.is_some_and(|(other, _)| other == *meaning);
-            if let Some(before) = slots[..at].iter().position(|slot| is_same(&slot)) {
-                let found = format!(
-                    "the columns {} and {} with the same meaning",
-                    names[before], names[at]
-                );
-                return Err(lines.error(found, "each of x, y, z, time and intensity once"));
-            }
-        }
-        Ok(Self {
-            names,
-            slots,
-            separator,
-        })
-    }
-
-    /// The names of the columns that are not read.
-    fn left_out(&self) -> Option<String> {
-        let columns = self.names.iter().zip(&self.slots);
-        let names = columns.filter(|(name, slot)| slot.is_none() && !name.is_empty());
-        let names: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
-        (!names.is_empty()).then(|| format!("the columns {} are left out", names.join(", ")))
-    }
-
-    /// The numbers of a line; absent columns and empty cells are NaN. The error holds the text found and the text
-    /// expected.
-    fn row(
-        &self,
-        text: &str,
-        separator: Separator,
-        numerals: &mut Numerals,
-    ) -> std::result::Result<[f64; 5], (String, String)> {
-        let mut row = [f64::NAN; 5];
-        let count = separator.split(text, |at, cell| {
-            let Some(Some((meaning, factor))) = self.slots.get(at) else {
-                return Ok::<(), (String, String)>(());
-            };
-            let number = numerals.number(cell);
-            let number = match meaning {
-                Meaning::Time => number.or_else(|| unix_from_iso(cell.trim_matches('"'))),
-                _ => number,
-            };
-            let value = number.filter(|value| !value.is_infinite()).ok_or_else(|| {
-                let shown: String = cell.chars().take(40).collect();
-                let found = format!("`{shown}` in column {}", self.names[at]);
-                (found, "a number".to_owned())
-            })?;
-            row[*meaning as usize] = factor * value;
-            Ok(())
-        })?;
-        // The last tabs of a line are lost with the white space around it.
-        let may_end = separator == Separator::Tab && (3..self.names.len()).contains(&count);
-        if count == self.names.len() || may_end {
-            return Ok(row);
-        }
-        let mut expected = format!(
-            "{} as in the header ({})",
-            self.names.len(),
-            self.names.join(", ")
-        );
-        if separator == Separator::Comma && count >= 2 * self.names.len() - 1 {
-            expected += ", with decimal points, not commas";
-        }
-        Err((format!("{count} values"), expected))
-    }
-
-    /// The numbers of a line, with the header's separator or, if it does not fit, with that of the line; without what
-    /// follows the values, a comment or a separator.
-    fn any_row(
-        &mut self,
-        text: &str,
-        numerals: &mut Numerals,
-    ) -> std::result::Result<[f64; 5], (String, String)> {
-        let mut tried = *numerals;
-        let first_error = match self.row(text, self.separator, &mut tried) {
-            Ok(row) => {
-                *numerals = tried;
-                return Ok(row);
-            }
-            Err(error) => error,
-        };
-        let values = without_trailer(text);
-        let of_row = Separator::of(values);
-        for (text, separator) in [
-            (values, self.separator),
-            (text, of_row),
-            (values, of_row),
-            // Tabs may also be aligned.
-            (values, Separator::Space),
-        ] {
-            let mut tried = *numerals;
-            if let Ok(row) = self.row(text, separator, &mut tried) {
-                (*numerals, self.separator) = (tried, separator);
-                return Ok(row);
-            }
-        }
-        Err(first_error)
-    }
-}
 
 /// The text after the mark of a comment.
 fn comment(text: &str) -> Option<&str> {
@@ -159,7 +41,7 @@ fn comment(text: &str) -> Option<&str> {
 /// announces.
 fn read(input: &Input) -> Result<PointCloud> {
     let mut lines = Lines::open(input)?;
-    let mut header: Option<Header> = None;
+    let (mut titles, mut header) = (Vec::new(), None);
     let mut announced: Option<u64> = None;
     let mut gathering = Gathering::new(input);
     let mut numerals = Numerals::default();
@@ -171,10 +53,9 @@ fn read(input: &Input) -> Result<PointCloud> {
         }
         if rows == 0 {
             let title = comment(text).unwrap_or(text);
-            let separator = Separator::of(title);
-            let names = separator.names(title);
-            if is_cloud(&names) {
-                header = Some(Header::of(&lines, names, separator)?);
+            let found = headers(&lines, title);
+            if !found.is_empty() {
+                titles = found;
                 continue;
             }
             if announced.is_none()
@@ -186,6 +67,9 @@ fn read(input: &Input) -> Result<PointCloud> {
         }
         if comment(text).is_some() {
             continue;
+        }
+        if rows == 0 {
+            header = fitting(std::mem::take(&mut titles), text)?;
         }
         let Some(header) = &mut header else {
             let found: String = text.chars().take(80).collect();
@@ -220,6 +104,7 @@ mod tests {
 
     use super::*;
     use crate::cloud::PointCloud;
+    use crate::format::text::lines::Separator;
     use crate::format::{detect, read_cloud};
 
     fn cloud(name: &str, text: &str) -> Result<PointCloud> {
