@@ -43,7 +43,8 @@ impl Conversion {
         {
             Some((name, _)) => Err(Error::data(
                 format!("{name} does not apply to this conversion"),
-                "--crs is for SBET, --axes for SBET and mountings, --body for URDF and ROS, --scanner for PDAL",
+                "--crs is for SBET, --axes for SBET, poses with roll, pitch and heading, and mountings, --body for URDF \
+                 and ROS, --scanner for PDAL",
             )),
             None => Ok(()),
         }
@@ -156,6 +157,8 @@ fn written(
         let is_geographic = format.id() == "sbet" || by_extension(output, &[(SBET, ())]).is_some();
         with.check(if is_geographic {
             &["--crs", "--axes"]
+        } else if format.has_navigation_angles() {
+            &["--axes"]
         } else {
             &[]
         })?;

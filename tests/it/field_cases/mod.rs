@@ -4,3 +4,4 @@
 mod clouds;
 mod logs;
 mod logs_recordings;
+mod navigation;

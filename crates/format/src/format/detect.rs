@@ -10,7 +10,7 @@ use crate::error::{Error, Location, Result};
 use crate::format::cloud::headerless::{self, Likeness};
 use crate::format::cloud::{pts, table as cloud_table};
 use crate::format::log::positions;
-use crate::format::poses::tum;
+use crate::format::poses::{navigation, tum};
 use crate::format::text::lines::{Lines, Separator, numbers};
 
 /// Detects the format of a file; that of an [`Input`] is remembered.
@@ -207,7 +207,10 @@ const KNOWN: &str = "the columns of an IMU, prism or heading log, of profiles, a
                      of the binary formats";
 
 fn unknown(lines: &Lines, names: &[String]) -> Error {
-    lines.error(listed(names), KNOWN)
+    match navigation::unstated_angles(names) {
+        Some(found) => lines.error(found, navigation::EXPECTED),
+        None => lines.error(listed(names), KNOWN),
+    }
 }
 
 fn listed(names: &[String]) -> String {

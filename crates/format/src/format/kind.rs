@@ -73,6 +73,8 @@ pub(crate) struct Kind {
     pub(crate) positions: Option<fn(&Input, &Observations) -> Result<Positions>>,
     pub(crate) geographic: Option<Reader<Vec<GeographicFix>>>,
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
+    /// Whether its poses have roll, pitch and heading, of a body with x forward, y left, z up.
+    pub(crate) has_navigation_angles: bool,
     pub(crate) cloud: Option<Reader<PointCloud>>,
     pub(crate) profiles: Option<Reader<Box<dyn ProfileReader>>>,
     /// Finds a complete record at the beginning of a byte slice, for salvaging.
@@ -108,6 +110,7 @@ impl Kind {
             positions: None,
             geographic: None,
             poses: None,
+            has_navigation_angles: false,
             cloud: None,
             profiles: None,
             record: None,
@@ -164,6 +167,12 @@ impl Format {
     /// Whether it may hold poses.
     pub fn has_poses(self) -> bool {
         self.0.poses.is_some()
+    }
+
+    /// Whether its poses have roll, pitch and heading: the body has x forward, y left, z up until it is turned to the axes
+    /// of a project.
+    pub fn has_navigation_angles(self) -> bool {
+        self.0.has_navigation_angles
     }
 
     /// Whether it may hold a cloud.

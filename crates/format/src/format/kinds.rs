@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 41] = [
+pub(crate) const KINDS: [&Kind; 42] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -37,6 +37,7 @@ pub(crate) const KINDS: [&Kind; 41] = [
     &project_file::PROJECT,
     &mountings::table::MOUNTING_TABLE,
     &poses::table::POSE_TABLE,
+    &poses::navigation::NAVIGATION_TABLE,
     &log::tables::IMU_TABLE,
     &log::positions::TPS_TABLE,
     &log::bonn_rts::RTS,

@@ -180,8 +180,8 @@ pub fn read_projected_positions(
     })
 }
 
-/// Reads a trajectory like [`read_trajectory`], for a body with these axes. Geographic poses, which refer to a
-/// body with x forward, y left, z up, are projected and turned to these axes.
+/// Reads a trajectory like [`read_trajectory`], for a body with these axes. Geographic poses are projected. Poses with
+/// roll, pitch and heading, which refer to a body with x forward, y left, z up, are turned to these axes.
 ///
 /// # Errors
 /// Those of [`read_trajectory`]; geographic poses if `crs` is `None` or if they lie outside of it.
@@ -191,13 +191,18 @@ pub fn read_projected_trajectory(
     crs: Option<&Projection>,
 ) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
-    if !detect(input).is_ok_and(|format| format.id() == sbet::SBET.id) {
-        return read_trajectory(input);
-    }
-    let crs = crs.ok_or_else(|| unprojected(input.path()))?;
-    let mut poses = sbet::read_sbet(input, crs)?;
-    for pose in &mut poses {
-        pose.world_from_body.rotation *= axes.body_from_flu();
+    let format = detect(input).ok();
+    let is_sbet = format.is_some_and(|format| format.id() == sbet::SBET.id);
+    let mut poses = if is_sbet {
+        let crs = crs.ok_or_else(|| unprojected(input.path()))?;
+        sbet::read_sbet(input, crs)?
+    } else {
+        read_trajectory(input)?
+    };
+    if format.is_some_and(Format::has_navigation_angles) {
+        for pose in &mut poses {
+            pose.world_from_body.rotation *= axes.body_from_flu();
+        }
     }
     Ok(poses)
 }

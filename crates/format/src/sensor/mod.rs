@@ -2,6 +2,7 @@
 
 mod continued;
 mod frame_log;
+mod navigation;
 mod order;
 mod projected;
 mod quality;
@@ -16,6 +17,7 @@ use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
 pub use continued::{Continued, continue_times, start_between_s};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
+pub use navigation::{NavigationAngles, NavigationSigma};
 pub use order::longest_increasing;
 pub use projected::project_fixes;
 pub use quality::FixQuality;

@@ -1,6 +1,7 @@
 //! Tables of numbers without a header that are no lines of x y z.
 
 use crate::format::plausible::MOST_TIME_S;
+use crate::format::poses::navigation;
 
 /// Rows that are looked at.
 pub(crate) const ROWS: usize = 1000;
@@ -36,6 +37,11 @@ const CODED_POINTS: Likeness = Likeness {
                `id,northing,easting,height,code`",
 };
 
+const POSES: Likeness = Likeness {
+    found: "time, position and roll, pitch, yaw",
+    expected: navigation::EXPECTED,
+};
+
 /// What the first line of a table looks like if it begins with the name of a point and its coordinates.
 pub(crate) fn coded_points(cells: &[String]) -> Option<Likeness> {
     let is_number = |cell: &String| cell.parse::<f64>().is_ok_and(f64::is_finite);
@@ -63,7 +69,9 @@ pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<Like
     };
     let counts = || rows.windows(2).all(|pair| pair[1][0] - pair[0][0] == 1.0);
     if is_within(0, MOST_TIME_S, f64::MAX) && ascends(0) {
-        return Some(like("times in milliseconds, microseconds or nanoseconds in the first column"));
+        return Some(like(
+            "times in milliseconds, microseconds or nanoseconds in the first column",
+        ));
     }
     // The second column of a raster is whole or has one value.
     if width >= 4 && is_whole(0) && counts() && !is_whole(1) && !is_constant(rows, 1) {
@@ -71,7 +79,9 @@ pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<Like
     }
     let is_week = is_whole(0) && is_within(0, 1.0, MOST_WEEK) && is_constant(rows, 0);
     if width >= 5 && is_week && is_within(1, 0.0, WEEK_S) && ascends(1) {
-        return Some(like("GPS weeks and seconds of the week in the first two columns"));
+        return Some(like(
+            "GPS weeks and seconds of the week in the first two columns",
+        ));
     }
     if width == 7 && ascends(0) {
         let is_colour = (4..7).all(|at| is_whole(at) && is_within(at, 0.0, 65_535.0));
@@ -81,13 +91,15 @@ pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<Like
         });
         let is_angle = (4..7).all(|at| is_within(at, -360.0, 360.0));
         if is_angle && !is_colour && !is_normal {
-            return Some(like("time, position and roll, pitch, yaw"));
+            return Some(POSES);
         }
     }
     let is_fraction = |at| is_whole(at) && is_within(at, 0.0, f64::MAX);
     let are_pairs = width >= 6 && width.is_multiple_of(2) && (0..width).all(is_whole);
     if has_commas && are_pairs && (1..width).step_by(2).all(is_fraction) {
-        return Some(like("whole numbers between commas, which may be decimal commas"));
+        return Some(like(
+            "whole numbers between commas, which may be decimal commas",
+        ));
     }
     None
 }

@@ -115,10 +115,12 @@ pub(crate) fn is_cloud(names: &[String]) -> bool {
     let has = |wanted: Meaning| names.iter().any(|name| named(name) == Some(wanted));
     let stems: Vec<String> = names.iter().map(|name| plain(name).0).collect();
     let begins_with_time = stems.first().is_some_and(|name| name.starts_with("time"));
+    let is_attitude = |stem: &String| {
+        let angle = stem.strip_suffix("deg").or(stem.strip_suffix("rad"));
+        ATTITUDE.contains(&angle.unwrap_or(stem))
+    };
     [Meaning::X, Meaning::Y, Meaning::Z].into_iter().all(has)
-        && !ATTITUDE
-            .iter()
-            .any(|name| stems.iter().any(|stem| stem == name))
+        && !stems.iter().any(is_attitude)
         && (!begins_with_time || has(Meaning::Intensity))
 }
 

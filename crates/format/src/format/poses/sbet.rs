@@ -43,6 +43,7 @@ pub(crate) const SBET: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes, start.size)),
     extensions: &["sbet"],
     poses: Some(refuse),
+    has_navigation_angles: true,
     note: "geographic positions and a wander azimuth: used with `crs` in [frame] of a project",
     frame: Frame::Fixed(
         "radians and metres (the format); latitude, longitude, height; wander azimuth",
