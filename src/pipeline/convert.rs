@@ -43,8 +43,8 @@ impl Conversion {
         {
             Some((name, _)) => Err(Error::data(
                 format!("{name} does not apply to this conversion"),
-                "--crs is for SBET, --axes for SBET, poses with roll, pitch and heading, and mountings, --body for URDF \
-                 and ROS, --scanner for PDAL",
+                "--crs is for SBET and other geographic poses, --axes for poses with roll, pitch and heading and for \
+                 mountings, --body for URDF and ROS, --scanner for PDAL",
             )),
             None => Ok(()),
         }
@@ -154,7 +154,8 @@ fn written(
         return cloud(input, staged, format, progress);
     }
     if let Some(write) = poses {
-        let is_geographic = format.id() == "sbet" || by_extension(output, &[(SBET, ())]).is_some();
+        let is_geographic =
+            format.has_geographic_poses() || by_extension(output, &[(SBET, ())]).is_some();
         with.check(if is_geographic {
             &["--crs", "--axes"]
         } else if format.has_navigation_angles() {

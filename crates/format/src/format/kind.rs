@@ -8,7 +8,9 @@ use crate::error::Result;
 use crate::format::input::Input;
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::text::table::Columns;
-use crate::sensor::{GeographicFix, HeadingFix, ImuSample, Observations, PoseRecord, Positions};
+use crate::sensor::{
+    GeographicFix, GeographicPose, HeadingFix, ImuSample, Observations, PoseRecord, Positions,
+};
 
 /// The beginning of a file.
 pub(crate) struct Start<'a> {
@@ -73,6 +75,8 @@ pub(crate) struct Kind {
     pub(crate) positions: Option<fn(&Input, &Observations) -> Result<Positions>>,
     pub(crate) geographic: Option<Reader<Vec<GeographicFix>>>,
     pub(crate) poses: Option<Reader<Vec<PoseRecord>>>,
+    /// Reads poses with latitudes and longitudes.
+    pub(crate) geographic_poses: Option<Reader<Vec<GeographicPose>>>,
     /// Whether its poses have roll, pitch and heading, of a body with x forward, y left, z up.
     pub(crate) has_navigation_angles: bool,
     pub(crate) cloud: Option<Reader<PointCloud>>,
@@ -110,6 +114,7 @@ impl Kind {
             positions: None,
             geographic: None,
             poses: None,
+            geographic_poses: None,
             has_navigation_angles: false,
             cloud: None,
             profiles: None,
@@ -167,6 +172,11 @@ impl Format {
     /// Whether it may hold poses.
     pub fn has_poses(self) -> bool {
         self.0.poses.is_some()
+    }
+
+    /// Whether its poses have latitudes and longitudes, which a projection turns into positions.
+    pub fn has_geographic_poses(self) -> bool {
+        self.0.geographic_poses.is_some() || self.id() == "sbet"
     }
 
     /// Whether its poses have roll, pitch and heading: the body has x forward, y left, z up until it is turned to the axes

@@ -24,6 +24,7 @@ use crate::format::text::civil::adjusted_gps_from_unix_s;
 use crate::geometry::{BodyAxes, Projection, Vec3};
 use crate::sensor::{
     HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, Timed, project_fixes,
+    project_poses,
 };
 
 /// The reader that `select` chooses from the format of a file. A text table with other columns, or a file of an
@@ -139,7 +140,11 @@ pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let select = |kind: &Kind| kind.poses;
     let read = reader(input, "a trajectory", select, &pose_table::POSE_TABLE)?;
-    let poses = in_time_order(input, read(input)?)?;
+    checked(input, in_time_order(input, read(input)?)?)
+}
+
+/// The poses, whose times and places a sensor can have.
+fn checked(input: &Input, poses: Vec<PoseRecord>) -> Result<Vec<PoseRecord>> {
     for pose in &poses {
         check_time(input.path(), pose.time_s)?;
         check_place(input.path(), &pose.world_from_body.translation_m)?;
@@ -167,12 +172,7 @@ pub fn read_projected_positions(
     let crs = crs.ok_or_else(|| unprojected(input.path()))?;
     let mut geographic = reader(input)?;
     put_on_common_time(input, &mut geographic)?;
-    let fixes = project_fixes(&geographic, crs).map_err(|error| match error {
-        Error::Data {
-            problem, remedy, ..
-        } => Error::data(format!("{}: {problem}", input.path().display()), remedy),
-        other => other,
-    })?;
+    let fixes = project_fixes(&geographic, crs).map_err(|error| of_file(error, input))?;
     let qualities = geographic.iter().map(|fix| fix.quality);
     Ok(Positions {
         qualities: qualities.collect::<Option<_>>().unwrap_or_default(),
@@ -192,12 +192,18 @@ pub fn read_projected_trajectory(
 ) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let format = detect(input).ok();
-    let is_sbet = format.is_some_and(|format| format.id() == sbet::SBET.id);
-    let mut poses = if is_sbet {
-        let crs = crs.ok_or_else(|| unprojected(input.path()))?;
-        sbet::read_sbet(input, crs)?
-    } else {
-        read_trajectory(input)?
+    let mut poses = match format.filter(|format| format.has_geographic_poses()) {
+        Some(Format(kind)) => {
+            let crs = crs.ok_or_else(|| unprojected(input.path()))?;
+            match kind.geographic_poses {
+                Some(read) => {
+                    let poses = project_poses(&read(input)?, crs).map_err(|e| of_file(e, input))?;
+                    checked(input, in_time_order(input, poses)?)?
+                }
+                None => sbet::read_sbet(input, crs)?,
+            }
+        }
+        None => read_trajectory(input)?,
     };
     if format.is_some_and(Format::has_navigation_angles) {
         for pose in &mut poses {
@@ -205,6 +211,16 @@ pub fn read_projected_trajectory(
         }
     }
     Ok(poses)
+}
+
+/// An error of data, with the file from which they come.
+fn of_file(error: Error, input: &Input) -> Error {
+    match error {
+        Error::Data {
+            problem, remedy, ..
+        } => Error::data(format!("{}: {problem}", input.path().display()), remedy),
+        other => other,
+    }
 }
 
 fn unprojected(path: &Path) -> Error {

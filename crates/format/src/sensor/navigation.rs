@@ -25,6 +25,40 @@ pub struct NavigationSigma {
     pub angles: NavigationAngles,
 }
 
+/// One pose of a body on an ellipsoid, usually WGS 84.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeographicPose {
+    /// Seconds.
+    pub time_s: f64,
+    /// Positive to the north, radians.
+    pub latitude_rad: f64,
+    /// Positive to the east, radians.
+    pub longitude_rad: f64,
+    /// Above the ellipsoid, metres.
+    pub height_m: f64,
+    /// The heading counts from true north.
+    pub angles: NavigationAngles,
+    /// To the east, to the north and upwards if the file gives it, m/s.
+    pub velocity_m_s: Option<Vec3>,
+    /// Standard deviations if the file gives them.
+    pub sigma: Option<NavigationSigma>,
+}
+
+impl GeographicPose {
+    /// Checks latitude and longitude.
+    ///
+    /// # Errors
+    /// There is no such place: what was found, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let [latitude, longitude] = [self.latitude_rad, self.longitude_rad].map(f64::to_degrees);
+        // Not a number must fail.
+        if latitude.abs() <= 90.0 && longitude.abs() <= 360.0 {
+            return Ok(());
+        }
+        Err(format!("latitude {latitude}°, longitude {longitude}°"))
+    }
+}
+
 impl NavigationAngles {
     /// The angles in degrees as radians.
     pub fn from_deg([roll, pitch, heading]: [f64; 3]) -> Self {
@@ -90,7 +124,10 @@ mod tests {
         for given in [[step, 0.0, 0.0], [0.0, step, 0.0], [0.0, 0.0, step]] {
             let turn = changed(given[0], given[1], given[2]);
             let found = sigma(given);
-            assert!((found.rotation_rad - turn.abs()).amax() < 1e-11, "{found:?} {turn}");
+            assert!(
+                (found.rotation_rad - turn.abs()).amax() < 1e-11,
+                "{found:?} {turn}"
+            );
             assert_eq!(found.position_m, Vec3::new(1.0, 2.0, 3.0));
             sum += turn.component_mul(&turn);
         }

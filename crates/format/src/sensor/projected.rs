@@ -1,8 +1,8 @@
-//! Geographic positions in a projected coordinate reference system.
+//! Geographic positions and poses in a projected coordinate reference system.
 
-use super::{GeographicFix, PositionFix};
+use super::{GeographicFix, GeographicPose, NavigationAngles, PoseRecord, PoseSigma, PositionFix};
 use crate::error::{Error, Result};
-use crate::geometry::{Mat3, Projection, Vec3};
+use crate::geometry::{Mat3, Misfit, Projection, Rotation, Vec3, WorldFromBody};
 
 /// Projects positions to east, north and up of `system`, without a datum shift; up is the ellipsoidal
 /// height. Standard deviations along true east and north become covariances along grid east and
@@ -14,17 +14,10 @@ pub fn project_fixes(fixes: &[GeographicFix], system: &Projection) -> Result<Vec
     let project = |fix: &GeographicFix| {
         let point = system
             .try_project(fix.latitude_rad, fix.longitude_rad)
-            .map_err(|misfit| {
-                Error::data(
-                    format!("position at {} s: {}", fix.time_s, misfit.found),
-                    format!("use {}", misfit.expected),
-                )
-            })?;
-        let covariance_m2 = fix.sigma_m.map(|sigma| {
-            let turn = point.grid_from_true().to_rotation_matrix();
-            let along_true = Mat3::from_diagonal(&sigma.component_mul(&sigma));
-            turn.matrix() * along_true * turn.matrix().transpose()
-        });
+            .map_err(|misfit| outside(fix.time_s, &misfit))?;
+        let covariance_m2 = fix
+            .sigma_m
+            .map(|sigma| turned(&point.grid_from_true(), &sigma));
         Ok(PositionFix {
             time_s: fix.time_s,
             position_m: Vec3::new(point.east_m, point.north_m, fix.height_m),
@@ -32,6 +25,55 @@ pub fn project_fixes(fixes: &[GeographicFix], system: &Projection) -> Result<Vec
         })
     };
     fixes.iter().map(project).collect()
+}
+
+/// Projects poses to east, north and up of `system`, without a datum shift; up is the ellipsoidal height. Attitudes are
+/// those of a body with x forward, y left, z up against grid north. Velocities are the derivatives of the projected
+/// positions, so they have the scale of the projection.
+///
+/// # Errors
+/// A position outside the system, named with its time.
+pub fn project_poses(poses: &[GeographicPose], system: &Projection) -> Result<Vec<PoseRecord>> {
+    let project = |pose: &GeographicPose| {
+        let point = system
+            .try_project(pose.latitude_rad, pose.longitude_rad)
+            .map_err(|misfit| outside(pose.time_s, &misfit))?;
+        let turn = point.grid_from_true();
+        let place_m = Vec3::new(point.east_m, point.north_m, pose.height_m);
+        let stretch = Vec3::new(point.scale, point.scale, 1.0);
+        let angles = NavigationAngles {
+            heading: pose.angles.heading - point.convergence_rad,
+            ..pose.angles
+        };
+        let sigma = pose.sigma.map(|sigma| PoseSigma {
+            position_m: turned(&turn, &sigma.position_m).diagonal().map(f64::sqrt),
+            ..angles.pose_sigma(&sigma)
+        });
+        Ok(PoseRecord {
+            velocity_m_s: pose
+                .velocity_m_s
+                .map(|velocity| (turn * velocity).component_mul(&stretch)),
+            sigma,
+            ..PoseRecord::new(pose.time_s, WorldFromBody::new(angles.rotation(), place_m))
+        })
+    };
+    poses.iter().map(project).collect()
+}
+
+/// The error of a position outside a system.
+fn outside(time_s: f64, misfit: &Misfit) -> Error {
+    Error::data(
+        format!("position at {time_s} s: {}", misfit.found),
+        format!("use {}", misfit.expected),
+    )
+}
+
+/// The covariance of independent values along true east, north and up with these standard deviations, along the axes of
+/// the grid.
+fn turned(grid_from_true: &Rotation, sigma: &Vec3) -> Mat3 {
+    let turn = grid_from_true.to_rotation_matrix();
+    let along_true = Mat3::from_diagonal(&sigma.component_mul(sigma));
+    turn.matrix() * along_true * turn.matrix().transpose()
 }
 
 #[cfg(test)]

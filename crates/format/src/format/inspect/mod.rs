@@ -24,8 +24,8 @@ use gather::StreamSummary;
 pub use inspection::{Bounds, Gap, Inspection};
 use recording::inspect_recording;
 use streams::{
-    inspect_geographic, inspect_heading, inspect_imu, inspect_poses, inspect_positions,
-    inspect_profiles,
+    inspect_geographic, inspect_geographic_poses, inspect_heading, inspect_imu, inspect_poses,
+    inspect_positions, inspect_profiles,
 };
 
 /// Reads a whole file and summarises its content.
@@ -69,6 +69,7 @@ pub fn inspect(input: impl Into<Input>) -> Result<Inspection> {
         }
         ("ros-bag", _) => inspect_recording(input, kind, &mut report)?,
         _ if kind.profiles.is_some() => inspect_profiles(input, &mut report)?,
+        _ if kind.geographic_poses.is_some() => inspect_log(input, kind, &mut report)?,
         _ if kind.poses.is_some() => inspect_poses(input, &mut report)?,
         _ if kind.cloud.is_some() => inspect_cloud(input, &mut report)?,
         _ => inspect_log(input, kind, &mut report)?,
@@ -133,13 +134,14 @@ fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> R
 }
 
 /// Summarises a log that may hold several kinds of measurements: the first kind that can be read, in the order
-/// IMU, headings, geographic positions, positions, and a note of the other contents.
+/// poses with latitudes, IMU, headings, geographic positions, positions, and a note of the other contents.
 fn inspect_log(input: &Input, kind: &Kind, report: &mut Inspection) -> Result<()> {
     if let Some(contents) = kind.contents {
         report.notes.push(contents(input)?);
     }
     let mut last_error = None;
     for inspect in [
+        inspect_geographic_poses,
         inspect_imu,
         inspect_heading,
         inspect_geographic,

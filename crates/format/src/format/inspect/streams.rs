@@ -70,6 +70,32 @@ pub(super) fn inspect_geographic(input: &Input, kind: &Kind) -> Option<Result<St
     })
 }
 
+pub(super) fn inspect_geographic_poses(
+    input: &Input,
+    kind: &Kind,
+) -> Option<Result<StreamSummary>> {
+    kind.geographic_poses.map(|read| {
+        let columns = [
+            "latitude_deg",
+            "longitude_deg",
+            "height_m",
+            "roll_deg",
+            "pitch_deg",
+            "heading_deg",
+        ];
+        let mut summary = StreamSummary::of_columns(&columns);
+        for pose in read(input)? {
+            let angles = [pose.angles.roll, pose.angles.pitch, pose.angles.heading];
+            let [latitude, longitude] =
+                [pose.latitude_rad, pose.longitude_rad].map(f64::to_degrees);
+            let angles = angles.map(f64::to_degrees);
+            let place = [latitude, longitude, pose.height_m];
+            summary.add(pose.time_s, place.into_iter().chain(angles));
+        }
+        Ok(summary)
+    })
+}
+
 pub(super) fn inspect_positions(input: &Input, kind: &Kind) -> Option<Result<StreamSummary>> {
     kind.positions.map(|read| {
         let mut summary = StreamSummary::of_columns(&["east_m", "north_m", "up_m"]);

@@ -6,6 +6,7 @@ pub(super) mod frame_log;
 pub(super) mod gsi;
 pub(super) mod kitti;
 pub(super) mod nmea;
+pub(super) mod novatel;
 mod old_distance;
 pub(super) mod positions;
 pub(super) mod rtklib;
