@@ -161,3 +161,27 @@ fn logs_of_novatel_are_poses_and_positions() {
         run.err
     );
 }
+
+#[test]
+fn tracks_of_gpx_are_positions_if_their_heights_are_known() {
+    let path = sample("formats-refused/drive.gpx");
+    boresight(&["inspect", path.to_str().unwrap()]).assert_failed_with(&[
+        "1 track point, 1 whose height may count from the sea or from the ellipsoid",
+        "time, ele and geoidheight",
+    ]);
+    let folder = tempfile::tempdir().unwrap();
+    let known = folder.path().join("drive.gpx");
+    let text = fs::read_to_string(&path).unwrap();
+    let text = text.replace("</time>", "</time><geoidheight>46.9</geoidheight>");
+    fs::write(&known, text).unwrap();
+    let read = format::read_projected_positions(&known, &Observations::AsFound, Some(&utm32()));
+    let positions = read.unwrap();
+    assert_eq!(positions.fixes[0].time_s, 1_691_572_500.0);
+    assert_eq!(positions.qualities, [FixQuality::Single]);
+    let expected = utm32()
+        .project(50.95f64.to_radians(), 6.89f64.to_radians())
+        .unwrap();
+    let place_m = positions.fixes[0].position_m;
+    assert_eq!((place_m.x, place_m.y), (expected.east_m, expected.north_m));
+    assert!((place_m.z - 142.1).abs() < 1e-9);
+}

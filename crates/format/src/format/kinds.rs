@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 44] = [
+pub(crate) const KINDS: [&Kind; 45] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -22,6 +22,7 @@ pub(crate) const KINDS: [&Kind; 44] = [
     &log::gsi::MEASUREMENTS,
     &log::rtklib::POSITIONS,
     &log::novatel::LOG,
+    &log::gpx::TRACK,
     &poses::pospac::EXPORT,
     &log::kitti::OXTS_TIMES,
     &log::sbg_text::EXPORT,

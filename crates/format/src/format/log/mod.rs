@@ -3,6 +3,7 @@
 pub(super) mod bonn_rts;
 pub(super) mod euroc;
 pub(super) mod frame_log;
+pub(super) mod gpx;
 pub(super) mod gsi;
 pub(super) mod kitti;
 pub(super) mod nmea;
