@@ -65,7 +65,7 @@ impl Places {
     pub(super) fn look(&self, cloud: &mut Stream<'_>, radii_m: &[f64]) -> Result<Vec<Around>> {
         let mut around = vec![Around::new(radii_m.len()); self.points.len()];
         self.for_each(cloud, |place, offset| {
-            around[place].add(offset, offset.norm_squared(), radii_m);
+            around[place].add(offset, radii_m);
         })?;
         Ok(around)
     }
@@ -150,7 +150,8 @@ impl Around {
         }
     }
 
-    fn add(&mut self, offset: &Vec3, squared: f64, radii_m: &[f64]) {
+    fn add(&mut self, offset: &Vec3, radii_m: &[f64]) {
+        let squared = offset.norm_squared();
         if self.nearest.len() < NEAREST || self.nearest.last().is_some_and(|last| squared < *last) {
             let at = self.nearest.partition_point(|known| *known <= squared);
             self.nearest.insert(at, squared);

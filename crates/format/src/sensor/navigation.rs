@@ -1,4 +1,4 @@
-//! Standard deviations of the angles of navigation.
+//! Angles of navigation, their standard deviations, and poses on an ellipsoid.
 
 use super::PoseSigma;
 use crate::geometry::attitude::from_roll_pitch_heading;

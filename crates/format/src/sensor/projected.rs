@@ -35,29 +35,42 @@ pub fn project_fixes(fixes: &[GeographicFix], system: &Projection) -> Result<Vec
 /// A position outside the system, named with its time.
 pub fn project_poses(poses: &[GeographicPose], system: &Projection) -> Result<Vec<PoseRecord>> {
     let project = |pose: &GeographicPose| {
-        let point = system
-            .try_project(pose.latitude_rad, pose.longitude_rad)
-            .map_err(|misfit| outside(pose.time_s, &misfit))?;
-        let turn = point.grid_from_true();
-        let place_m = Vec3::new(point.east_m, point.north_m, pose.height_m);
-        let stretch = Vec3::new(point.scale, point.scale, 1.0);
+        project_pose(pose, system).map_err(|misfit| outside(pose.time_s, &misfit))
+    };
+    poses.iter().map(project).collect()
+}
+
+/// Projects a pose as [`project_poses`] does.
+///
+/// # Errors
+/// A position outside the system.
+pub(crate) fn project_pose(
+    pose: &GeographicPose,
+    system: &Projection,
+) -> std::result::Result<PoseRecord, Misfit> {
+    let point = system.try_project(pose.latitude_rad, pose.longitude_rad)?;
+    let turn = point.grid_from_true();
+    let place_m = Vec3::new(point.east_m, point.north_m, pose.height_m);
+    let stretch = Vec3::new(point.scale, point.scale, 1.0);
+    let velocity_m_s = pose.velocity_m_s;
+    let sigma = pose.sigma.map(|sigma| {
         let angles = NavigationAngles {
             heading: pose.angles.heading - point.convergence_rad,
             ..pose.angles
         };
-        let sigma = pose.sigma.map(|sigma| PoseSigma {
+        PoseSigma {
             position_m: turned(&turn, &sigma.position_m).diagonal().map(f64::sqrt),
             ..angles.pose_sigma(&sigma)
-        });
-        Ok(PoseRecord {
-            velocity_m_s: pose
-                .velocity_m_s
-                .map(|velocity| (turn * velocity).component_mul(&stretch)),
-            sigma,
-            ..PoseRecord::new(pose.time_s, WorldFromBody::new(angles.rotation(), place_m))
-        })
-    };
-    poses.iter().map(project).collect()
+        }
+    });
+    Ok(PoseRecord {
+        velocity_m_s: velocity_m_s.map(|velocity| (turn * velocity).component_mul(&stretch)),
+        sigma,
+        ..PoseRecord::new(
+            pose.time_s,
+            WorldFromBody::new(turn * pose.angles.rotation(), place_m),
+        )
+    })
 }
 
 /// The error of a position outside a system.

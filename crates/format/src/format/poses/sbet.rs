@@ -11,9 +11,8 @@ use crate::format::binary::{Bytes, Number};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::poses::order::in_time_order;
-use crate::geometry::attitude::from_roll_pitch_heading;
-use crate::geometry::{Misfit, Projection, Vec3, WorldFromBody};
-use crate::sensor::{Continued, PoseRecord};
+use crate::geometry::{Projection, Vec3};
+use crate::sensor::{Continued, GeographicPose, NavigationAngles, PoseRecord, project_pose};
 
 /// Bytes of a record.
 pub(crate) const RECORD: usize = 136;
@@ -131,7 +130,7 @@ pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<Pos
         if let Err(found) = times.in_order(values[0]) {
             return error(found, "times that increase".to_owned());
         }
-        match pose(values, system) {
+        match project_pose(&pose(values), system) {
             Ok(pose) => records.push(pose),
             Err(misfit) => return error(misfit.found, misfit.expected),
         }
@@ -140,26 +139,25 @@ pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<Pos
     in_time_order(input, records)
 }
 
-fn pose(values: &[f64; 17], system: &Projection) -> std::result::Result<PoseRecord, Misfit> {
-    let [time_s, latitude, longitude, height_m, ..] = *values;
+fn pose(values: &[f64; 17]) -> GeographicPose {
+    let [time_s, latitude_rad, longitude_rad, height_m, ..] = *values;
     let [roll, pitch, platform_heading, wander] = [values[7], values[8], values[9], values[10]];
-    let point = system.try_project(latitude, longitude)?;
-    let grid_from_true = point.grid_from_true();
-    let attitude = from_roll_pitch_heading(roll, pitch, platform_heading - wander);
     let (sin, cos) = wander.sin_cos();
     let (along, left, up) = (values[4], values[5], values[6]);
     let velocity_m_s = Vec3::new(-along * sin - left * cos, along * cos - left * sin, up);
-    let stretch = Vec3::new(point.scale, point.scale, 1.0);
-    Ok(PoseRecord {
-        velocity_m_s: Some((grid_from_true * velocity_m_s).component_mul(&stretch)),
-        ..PoseRecord::new(
-            time_s,
-            WorldFromBody::new(
-                grid_from_true * attitude,
-                Vec3::new(point.east_m, point.north_m, height_m),
-            ),
-        )
-    })
+    GeographicPose {
+        time_s,
+        latitude_rad,
+        longitude_rad,
+        height_m,
+        angles: NavigationAngles {
+            roll,
+            pitch,
+            heading: platform_heading - wander,
+        },
+        velocity_m_s: Some(velocity_m_s),
+        sigma: None,
+    }
 }
 
 #[cfg(test)]

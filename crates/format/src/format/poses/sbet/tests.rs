@@ -3,8 +3,8 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::format::mutation::for_each_damaged;
 use crate::format::{inspect, read_trajectory, write_sbet};
-use crate::geometry::attitude::roll_pitch_heading;
-use crate::geometry::{Rotation, heading::wrap, so3};
+use crate::geometry::attitude::{from_roll_pitch_heading, roll_pitch_heading};
+use crate::geometry::{Rotation, WorldFromBody, heading::wrap, so3};
 
 fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
