@@ -107,6 +107,14 @@ impl Drive {
         }
     }
 
+    /// About how long the drive `index` of the scenario moves, seconds: without acceleration and braking.
+    pub fn planned_s(scenario: &Scenario, index: usize) -> f64 {
+        let route = Route::new(scenario, &scenario.drives[index]);
+        let motion = &scenario.motion;
+        let slow_m: f64 = route.slow_m.iter().map(|(from, to)| to - from).sum();
+        slow_m / motion.scan_speed_m_s + (route.length_m - slow_m) / motion.transit_speed_m_s
+    }
+
     /// The state at `time_s`; before and after the drive the robot is at rest.
     pub fn at(&self, time_s: f64) -> BodyState {
         let jet = self.motion.at(time_s);

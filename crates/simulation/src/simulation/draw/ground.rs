@@ -2,7 +2,6 @@
 
 use super::super::field::{BoardSettings, DriveSettings, Field, Pass};
 use super::super::scenario::Scenario;
-use super::super::sensors::ScannerKind;
 use super::draws::Draws;
 use super::extent::Extent;
 
@@ -96,8 +95,7 @@ fn boards(
     boards
 }
 
-/// Draws the passes: strips back and forth, lines in all directions, one loop again and again, or over the boards. The
-/// width of the profiles and the rays of a lidar fall with the duration, so that there are not too many points.
+/// Draws the passes: strips back and forth, lines in all directions, one loop again and again, or over the boards.
 pub(super) fn route(draws: &mut Draws, extent: &Extent, scenario: &mut Scenario) {
     let [east_m, north_m] = scenario.field.size_m;
     let motion = &scenario.motion;
@@ -152,15 +150,4 @@ pub(super) fn route(draws: &mut Draws, extent: &Extent, scenario: &mut Scenario)
             .collect()
     };
     scenario.drives = vec![DriveSettings { passes }];
-    let fans = scenario.scanners_of(ScannerKind::Profile).len().max(1) as f64;
-    let rays = count as f64 * pass_s * scenario.profiles.rate_hz * fans;
-    let widest = (extent.most_rays / rays) as usize;
-    scenario.profiles.width = scenario.profiles.width.min(widest).max(60);
-    // A lidar looks all around: fewer rays than these tell nothing.
-    let lidar = &mut scenario.lidar;
-    let beams = count as f64 * pass_s * lidar.rings as f64;
-    let widest = (extent.most_rays / (beams * lidar.rate_hz)) as usize;
-    lidar.columns = lidar.columns.min(widest).max(90);
-    let fastest_hz = extent.most_rays / (beams * lidar.columns as f64);
-    lidar.rate_hz = lidar.rate_hz.min(fastest_hz).max(5.0);
 }

@@ -3,6 +3,7 @@
 mod draws;
 mod extent;
 mod ground;
+mod rays;
 mod robot;
 mod sensors;
 
@@ -38,7 +39,7 @@ impl Scenario {
             ..Self::default()
         };
         scenario.project.voxel_sizes_m = Vec::new();
-        let standoff_m = robot::body(&mut draws(Part::Robot), &mut scenario);
+        let standoff_m = robot::body(&mut draws(Part::Robot), extent, &mut scenario);
         robot::scanners(&mut draws(Part::Scanners), standoff_m, &mut scenario);
         ground::ground(&mut draws(Part::Ground), standoff_m, &mut scenario);
         ground::route(&mut draws(Part::Route), extent, &mut scenario);
@@ -47,6 +48,7 @@ impl Scenario {
         sensors::heading(&mut draws(Part::Heading), &mut scenario);
         sensors::reference(&mut draws(Part::Reference), &mut scenario);
         robot::frame(&mut draws(Part::Frame), &mut scenario);
+        rays::limit(extent, &mut scenario);
         scenario
     }
 }

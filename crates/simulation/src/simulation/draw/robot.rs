@@ -5,11 +5,12 @@ use std::f64::consts::TAU;
 use super::super::scenario::Scenario;
 use super::super::sensors::{DeformationSettings, ScannerKind, ScannerSettings};
 use super::draws::Draws;
+use super::extent::Extent;
 use crate::geometry::euler::euler_deg_from_rotation;
 use crate::geometry::{EulerConvention, Mat3, Rotation, Vec3, so3};
 
-/// Speed over the ground, m/s.
-const SPEED_M_S: (f64, f64) = (0.05, 5.0);
+/// Fastest speed over the ground, m/s.
+const FASTEST_M_S: f64 = 5.0;
 
 /// Lateral acceleration in turns, at most, m/s².
 const LATERAL_M_S2: f64 = 1.5;
@@ -20,16 +21,23 @@ const TURN_RAD_S: f64 = 1.0;
 /// Standard deviations of the initial mountings: a tape measure and a drawing, metres and degrees.
 const INITIAL_SIGMAS: (f64, f64) = (0.02, 1.5);
 
+/// Distance between profiles at the speed of the scan, at most, relative to the distance from the ground.
+const APART: f64 = 0.04;
+
+/// Shortest range of a profile scanner, relative to its distance from the ground.
+const NEAREST: f64 = 0.3;
+
 /// Spread of the heights of the scanners above the ground, as a share.
 const SPREAD: f64 = 0.1;
 
 /// Draws size and motion of the robot; returns the height of the scanners above the ground, metres.
-pub(super) fn body(draws: &mut Draws, scenario: &mut Scenario) -> f64 {
+pub(super) fn body(draws: &mut Draws, extent: &Extent, scenario: &mut Scenario) -> f64 {
     let motion = &mut scenario.motion;
     motion.imu_height_m = draws.log_uniform((0.6, 3.0));
     let standoff_m = motion.imu_height_m * draws.uniform((0.4, 1.0));
-    motion.transit_speed_m_s = draws.log_uniform(SPEED_M_S);
-    motion.scan_speed_m_s = (motion.transit_speed_m_s * draws.uniform((0.4, 1.0))).max(SPEED_M_S.0);
+    motion.transit_speed_m_s = draws.log_uniform((extent.slowest_m_s, FASTEST_M_S));
+    motion.scan_speed_m_s =
+        (motion.transit_speed_m_s * draws.uniform((0.4, 1.0))).max(extent.slowest_m_s);
     motion.rest_s = draws.log_uniform((2.0, 30.0));
     let tightest_m = motion.transit_speed_m_s.powi(2) / LATERAL_M_S2;
     let slowest_m = motion.transit_speed_m_s / TURN_RAD_S;
@@ -138,16 +146,20 @@ fn lidar_rotation(draws: &mut Draws) -> Rotation {
     so3::exp(&(axis * lean)) * upright * so3::exp(&(Vec3::z() * spin))
 }
 
+/// The slowest rate at which profiles are near enough to each other at the speed of the scan.
+pub(super) fn slowest_profiles_hz(scenario: &Scenario) -> f64 {
+    let standoff_m = scenario.profiles.range_m[0] / NEAREST;
+    scenario.motion.scan_speed_m_s / (APART * standoff_m)
+}
+
 /// Draws the settings of all profile scanners.
 fn profiles(draws: &mut Draws, standoff_m: f64, scenario: &mut Scenario) {
-    /// Distance between profiles at the speed of the scan, at most, relative to the distance from the ground.
-    const APART: f64 = 0.04;
+    scenario.profiles.range_m = [NEAREST * standoff_m, 2.2 * standoff_m];
+    let slowest_hz = slowest_profiles_hz(scenario);
     let profiles = &mut scenario.profiles;
-    let slowest_hz = scenario.motion.scan_speed_m_s / (APART * standoff_m);
     profiles.rate_hz = draws.log_uniform((20.0, 200.0)).max(slowest_hz).min(500.0);
     profiles.width = draws.log_uniform((60.0, 1920.0)) as usize;
     profiles.fan_deg = draws.uniform((30.0, 90.0));
-    profiles.range_m = [0.3 * standoff_m, 2.2 * standoff_m];
     let near_m = draws.log_uniform((2e-5, 3e-3));
     profiles.sigma_m = [near_m, near_m * draws.uniform((1.0, 2.0))];
     // A step above the noise would be an error of its own.

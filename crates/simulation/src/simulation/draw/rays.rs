@@ -1,0 +1,61 @@
+//! How many rays the scanners of a drawn drive send.
+
+use super::super::drive::Drive;
+use super::super::scenario::Scenario;
+use super::super::sensors::ScannerKind;
+use super::extent::Extent;
+use super::robot::slowest_profiles_hz;
+
+/// Rays of a profile, at least: fewer tell nothing.
+const NARROWEST: usize = 60;
+
+/// Profiles per second, at least.
+const SLOWEST_HZ: f64 = 20.0;
+
+/// Rays of a turn of a lidar for each ring, at least: it looks all around.
+const FEWEST_COLUMNS: usize = 90;
+
+/// Turns of a lidar per second, at least.
+const SLOWEST_TURNS_HZ: f64 = 5.0;
+
+/// Narrows profiles and then lowers their rate, and those of a lidar, so that a drive does not have too many rays.
+pub(super) fn limit(extent: &Extent, scenario: &mut Scenario) {
+    let duration_s = Drive::planned_s(scenario, 0);
+    let slowest_hz = slowest_profiles_hz(scenario).max(SLOWEST_HZ);
+    let fans = scenario.scanners_of(ScannerKind::Profile).len().max(1) as f64;
+    let profiles = &mut scenario.profiles;
+    // Rays per second of one scanner.
+    let most_hz = extent.most_rays / (duration_s * fans);
+    let widest = (most_hz / profiles.rate_hz) as usize;
+    profiles.width = profiles.width.min(widest.max(NARROWEST));
+    let fastest_hz = most_hz / profiles.width as f64;
+    profiles.rate_hz = profiles.rate_hz.min(fastest_hz.max(slowest_hz));
+    let lidar = &mut scenario.lidar;
+    let most_hz = extent.most_rays / (duration_s * lidar.rings as f64);
+    let widest = (most_hz / lidar.rate_hz) as usize;
+    lidar.columns = lidar.columns.min(widest.max(FEWEST_COLUMNS));
+    let fastest_hz = most_hz / lidar.columns as f64;
+    lidar.rate_hz = lidar.rate_hz.min(fastest_hz.max(SLOWEST_TURNS_HZ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drives_have_at_most_as_many_rays_unless_fewer_tell_nothing() {
+        for seed in 0..100 {
+            let scenario = Scenario::random(seed, &Extent::TINY);
+            let fans = scenario.scanners_of(ScannerKind::Profile).len() as f64;
+            let profiles = &scenario.profiles;
+            let duration_s = Drive::planned_s(&scenario, 0);
+            let rays = duration_s * fans * profiles.rate_hz * profiles.width as f64;
+            let slowest_hz = slowest_profiles_hz(&scenario).max(SLOWEST_HZ);
+            let is_least = profiles.width == NARROWEST && profiles.rate_hz <= slowest_hz;
+            assert!(
+                is_least || rays <= 1.001 * Extent::TINY.most_rays,
+                "{seed}: {rays}"
+            );
+        }
+    }
+}
