@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::parameters::Mounting;
 use super::sample::ScannerSample;
+use super::settings::Reach;
 use crate::cloud::voxel::{VoxelKey, VoxelMap, occupied};
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use crate::statistics::median;
@@ -35,6 +36,9 @@ pub fn better_start(
     reference: &[Vec3],
 ) -> Option<Vec<BodyFromScanner>> {
     let mut poses: Vec<BodyFromScanner> = mountings.iter().map(|m| m.body_from_scanner).collect();
+    // Over flat ground, a cloud that slides by metres may save space too, but scanners sit on the body.
+    let distances_m = poses.iter().map(|pose| pose.translation_m.norm());
+    let farthest_m = distances_m.fold(Reach::WRONG.shift_m, f64::max);
     let mut has_moved = false;
     for scanner in 0..poses.len() {
         let fixed = mountings[scanner].fixed;
@@ -43,6 +47,8 @@ pub fn better_start(
             heights: !reference.is_empty(),
             shifts: !fixed[..3].contains(&true),
             turns: !fixed[3..].contains(&true),
+            about_m: poses[scanner].translation_m,
+            farthest_m,
         };
         if !free.shifts && !free.turns {
             continue;
@@ -97,6 +103,9 @@ struct Free {
     heights: bool,
     shifts: bool,
     turns: bool,
+    /// The given position, and how far from it others may be, metres.
+    about_m: Vec3,
+    farthest_m: f64,
 }
 
 /// The pose that is reached by turns of this angle (radians) about all axes and shifts of a voxel along them, as
@@ -122,6 +131,8 @@ fn descend(
         let shifted = shifted.map(|corner| {
             BodyFromScanner::new(now.rotation, now.translation_m + corner * voxels.0)
         });
+        let shifted =
+            shifted.filter(|pose| (pose.translation_m - free.about_m).norm() <= free.farthest_m);
         let neighbours = turned.chain(shifted);
         let candidates: Vec<(usize, BodyFromScanner)> = neighbours
             .collect::<Vec<_>>()
@@ -155,4 +166,50 @@ fn space(
 ) -> usize {
     let voxels = occupied(placed(sample, pose), *voxel_m);
     voxels.keys().filter(|key| !base.contains_key(*key)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::CalibrationSettings;
+    use crate::geometry::WorldFromBody;
+    use crate::sensor::PoseRecord;
+    use crate::trajectory::Trajectory;
+
+    /// Level ground, 4 m long, seen by a body at rest from this height, and east of it by this distance, metres.
+    fn level_ground(mounting: &Mounting, east_m: f64, up_m: f64) -> ScannerSample {
+        let record = |time_s| PoseRecord {
+            time_s,
+            world_from_body: WorldFromBody::identity(),
+            velocity_m_s: None,
+            bias: None,
+            sigma: None,
+        };
+        let trajectory = Trajectory::new(vec![record(0.0), record(100.0)]).unwrap();
+        let points: Vec<Vec3> = (0..8000)
+            .map(|i| {
+                let (row, column) = (f64::from(i / 100), f64::from(i % 100));
+                Vec3::new(east_m + 0.05 * row, 0.04 * column, -up_m)
+            })
+            .collect();
+        let times: Vec<f64> = (0..8000).map(|i| 0.01 * f64::from(i)).collect();
+        let settings = CalibrationSettings {
+            voxel_sizes_m: vec![0.01],
+            ..CalibrationSettings::default()
+        };
+        ScannerSample::from_points(mounting, &times, &points, &trajectory, &settings).unwrap()
+    }
+
+    #[test]
+    fn a_cloud_comes_to_another_only_as_far_as_scanners_sit_apart() {
+        let mountings =
+            ["left", "right"].map(|name| Mounting::new(name, BodyFromScanner::identity()));
+        let found = |east_m: f64| {
+            let samples = [0.0, east_m].map(|east_m| level_ground(&mountings[0], east_m, 2.0));
+            better_start(&mountings, &samples, &[])
+        };
+        let near = found(0.35).unwrap();
+        assert!((near[1].translation_m.x + 0.35).abs() < 0.1, "{near:?}");
+        assert_eq!(found(3.0), None);
+    }
 }
