@@ -16,7 +16,7 @@ use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::joint::{
     Compliance, ContradictedLogs, Joint, JointInput, JointReport, LateScanner, Rung, Score, adjust,
-    contradictions,
+    consider_start, contradictions,
 };
 use crate::judgement;
 use crate::number;
@@ -144,7 +144,7 @@ pub fn report(
         let reason = "the drive is consistent without the reference, but not with it";
         report.refused.insert(0, reason.into());
     }
-    if let Some(joint) = &report.result {
+    if let Some(joint) = &mut report.result {
         let initial = &calibration_drive.rig.mountings;
         let reason = beyond_initial_values(initial, &two_steps.mountings, &joint.mountings);
         if let Some(reason) = reason {
@@ -154,7 +154,10 @@ pub fn report(
             let samples = calibration_drive.samples;
             let reason = reason_for_two_steps(samples, cell_m, two_steps, joint);
             report.refused.extend(reason);
-        } else if !report.refused.is_empty() && !fits_alone && !is_ambiguous {
+        } else if report.refused.is_empty() {
+            let surfel_m = surfel_m(calibration_drive);
+            consider_start(&mut input, &project.joint, surfel_m, joint, progress)?;
+        } else if !fits_alone && !is_ambiguous {
             let drive = calibration_drive;
             report.held_out = held_out::compare(drive, two_steps, joint, input, progress)?;
         }

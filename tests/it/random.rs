@@ -10,8 +10,11 @@ use boresight::simulation::Extent;
 /// A share of drives that may have a false alarm.
 const ALARMS: f64 = 0.02;
 
-/// Seeds of tiny drives whose runs take seconds.
-const TINY: [u64; 3] = [1, 4, 18];
+/// Seeds of tiny drives whose runs take seconds. On 10, the mountings end where they start along three directions.
+const TINY: [u64; 3] = [1, 4, 10];
+
+/// Coordinates of points that lie in their 95 % intervals, at least: those of one drive depend on each other.
+const WITHIN_95: f64 = 0.85;
 
 #[test]
 fn tiny_drives_are_right_or_say_that_they_are_not() {
@@ -21,6 +24,8 @@ fn tiny_drives_are_right_or_say_that_they_are_not() {
         println!("{seed}: {}\n    {}", ended.drawn, ended.line());
         assert!(!ended.is_quietly_wrong(), "{seed}: {}", ended.line());
         assert!(ended.false_alarms.is_empty(), "{seed}: {}", ended.line());
+        let points = ended.points.as_ref().expect("a joint adjustment");
+        assert!(points.within_95 > WITHIN_95, "{seed}: {}", ended.line());
     }
 }
 

@@ -188,7 +188,7 @@ pub fn conclude(
 
 /// Directions (δp, δφ) of all mountings along which the drives say less about a parameter than its initial value does, the
 /// least determined first.
-fn undetermined(covariance: &DMatrix<f64>) -> Vec<DVector<f64>> {
+pub fn undetermined(covariance: &DMatrix<f64>) -> Vec<DVector<f64>> {
     let count = covariance.nrows();
     let sigma = |i: usize| INITIAL_SIGMA[i % 6 / 3];
     let scaled = DMatrix::from_fn(count, count, |i, j| {

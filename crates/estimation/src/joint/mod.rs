@@ -32,6 +32,7 @@ mod rounds;
 mod row;
 mod scan;
 mod score;
+mod second_start;
 mod settings;
 mod slopes;
 mod slow;
@@ -52,5 +53,6 @@ pub use result::{
     known_m,
 };
 pub use score::{RangeScore, Score};
+pub use second_start::consider_start;
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};
 pub use surfel::Region;

@@ -6,7 +6,7 @@ use crate::calibration::{Mounting, change};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::adjust::at_rung;
-use crate::joint::{Joint, JointInput, Rung, adjust, fixed};
+use crate::joint::{Joint, JointInput, Rung, adjust, consider_start, fixed};
 use crate::progress::Silent;
 
 fn adjusted(case: &Case) -> Joint {
@@ -60,6 +60,25 @@ fn a_profile_scanner_and_a_3d_scanner_are_found_together() {
             );
         }
     }
+}
+
+#[test]
+fn what_drives_determine_is_not_adjusted_again() {
+    let case = on_exact_reference();
+    let joint = adjusted(&case);
+    let mut considered = joint.clone();
+    let mut input = case.input();
+    // The adjustment would fail without scans.
+    input.drives.clear();
+    consider_start(
+        &mut input,
+        &case.settings,
+        SURFEL_M,
+        &mut considered,
+        &Silent,
+    )
+    .expect("nothing to do");
+    assert_eq!(format!("{joint:?}"), format!("{considered:?}"));
 }
 
 #[test]
