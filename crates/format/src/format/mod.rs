@@ -19,6 +19,7 @@ mod inspect;
 mod kind;
 mod kinds;
 mod las;
+mod left_out;
 mod log;
 mod mountings;
 #[cfg(test)]

@@ -8,10 +8,11 @@
 
 use std::io::Read;
 
-use crate::error::{Error, Location, Result};
+use crate::error::{Error, Result};
 use crate::format::cloud::gathering::counted;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::left_out::{DAMAGED, LeftOut};
 use crate::format::text::civil::unix_from_iso;
 use crate::sensor::{FixQuality, GeographicFix};
 
@@ -25,34 +26,11 @@ pub(crate) const TRACK: Kind = Kind {
     ..Kind::new("gpx", "positions (track of GPX)")
 };
 
-/// Why a track point is not used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Useless {
-    WithoutTime,
-    WithoutHeight,
-    WithoutFix,
-    Damaged,
-}
-
-impl Useless {
-    const ALL: [Self; 4] = [
-        Self::WithoutTime,
-        Self::WithoutHeight,
-        Self::WithoutFix,
-        Self::Damaged,
-    ];
-
-    fn text(self) -> &'static str {
-        match self {
-            Self::WithoutTime => "without a time",
-            Self::WithoutHeight => {
-                "whose height may count from the sea or from the ellipsoid (no geoidheight)"
-            }
-            Self::WithoutFix => "without a height of their own (fix none or 2d)",
-            Self::Damaged => "damaged",
-        }
-    }
-}
+/// Reasons of track points that are not used.
+const WITHOUT_TIME: &str = "without a time";
+const WITHOUT_HEIGHT: &str =
+    "whose height may count from the sea or from the ellipsoid (no geoidheight)";
+const WITHOUT_FIX: &str = "without a height of their own (fix none or 2d)";
 
 /// The text of the first element of this name; `None` if there is none.
 fn element<'a>(point: &'a str, name: &str) -> Option<&'a str> {
@@ -78,27 +56,27 @@ fn finite(text: Option<&str>) -> Option<f64> {
     text?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// The position of a track point, from its attributes and its elements.
-fn fix(attributes: &str, elements: &str) -> std::result::Result<GeographicFix, Useless> {
+/// The position of a track point, from its attributes and its elements, or the reason why it is not used.
+fn fix(attributes: &str, elements: &str) -> std::result::Result<GeographicFix, &'static str> {
     // Elements of other programs may repeat the names.
     let elements = elements.split("<extensions").next().unwrap_or_default();
     let degrees = |name: &str, most: f64| {
         let value = finite(attribute(attributes, name));
-        value.filter(|v| v.abs() <= most).ok_or(Useless::Damaged)
+        value.filter(|v| v.abs() <= most).ok_or(DAMAGED)
     };
     let (latitude, longitude) = (degrees("lat", 90.0)?, degrees("lon", 180.0)?);
     let quality = match element(elements, "fix") {
-        Some("none" | "2d") => return Err(Useless::WithoutFix),
+        Some("none" | "2d") => return Err(WITHOUT_FIX),
         Some("dgps") => FixQuality::Differential,
         _ => FixQuality::Single,
     };
-    let time = element(elements, "time").ok_or(Useless::WithoutTime)?;
+    let time = element(elements, "time").ok_or(WITHOUT_TIME)?;
     let number = |name: &str| {
-        let text = element(elements, name).ok_or(Useless::WithoutHeight)?;
-        finite(Some(text)).ok_or(Useless::Damaged)
+        let text = element(elements, name).ok_or(WITHOUT_HEIGHT)?;
+        finite(Some(text)).ok_or(DAMAGED)
     };
     Ok(GeographicFix {
-        time_s: unix_from_iso(time).ok_or(Useless::Damaged)?,
+        time_s: unix_from_iso(time).ok_or(DAMAGED)?,
         latitude_rad: latitude.to_radians(),
         longitude_rad: longitude.to_radians(),
         height_m: number("ele")? + number("geoidheight")?,
@@ -128,7 +106,7 @@ fn read(input: &Input) -> Result<Vec<GeographicFix>> {
         .map_err(|e| Error::io(input.path(), e))?;
     let text = without_comments(&String::from_utf8_lossy(&bytes));
     let mut fixes = Vec::new();
-    let mut unusable = [0u64; Useless::ALL.len()];
+    let mut left_out = LeftOut::default();
     for point in text.split("<trkpt").skip(1) {
         let (attributes, rest) = point.split_once('>').unwrap_or((point, ""));
         let elements = if attributes.ends_with('/') {
@@ -138,33 +116,12 @@ fn read(input: &Input) -> Result<Vec<GeographicFix>> {
         };
         match fix(attributes, elements) {
             Ok(fix) => fixes.push(fix),
-            Err(why) => unusable[why as usize] += 1,
+            Err(why) => left_out.add(why),
         }
     }
-    let total: u64 = unusable.iter().sum();
-    let reasons = Useless::ALL.iter().zip(unusable);
-    let reasons = reasons.filter(|(_, count)| *count > 0);
-    let reasons: Vec<String> = reasons
-        .map(|(why, n)| format!("{n} {}", why.text()))
-        .collect();
-    let reasons = reasons.join(", ");
-    if fixes.is_empty() || total > fixes.len() as u64 {
-        let all = counted(total + fixes.len() as u64, "track point");
-        let found = match total {
-            0 => all,
-            _ => format!("{all}, {reasons}"),
-        };
-        return Err(Error::format(
-            input.path(),
-            Location::Whole,
-            found,
-            "track points with time, ele and geoidheight; or the positions as NMEA with GGA, or as .pos of RTKLIB, whose \
-             heights are known",
-        ));
-    }
-    if total > 0 {
-        input.remark(format!("track points left out: {reasons}"));
-    }
+    let expected = "track points with time, ele and geoidheight; or the positions as NMEA with GGA, or as .pos of RTKLIB, \
+                    whose heights are known";
+    let fixes = left_out.checked(input, fixes, "track points", expected)?;
     for (tag, thing) in [("<wpt", "waypoint"), ("<rtept", "route point")] {
         let count = text.matches(tag).count() as u64;
         if count > 0 {
@@ -229,7 +186,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            error.contains("found 1 track point, 1 without a time"),
+            error.contains("found 0 track points, left out: 1 without a time"),
             "{error}"
         );
         let error = read_points("").unwrap_err().to_string();

@@ -33,10 +33,11 @@ use std::path::Path;
 use self::clock::{Clock, Moment};
 use self::fields::{Heading, Place, Sentence, Useless};
 use self::sentence::{for_each_piece, parse, pieces};
-pub use self::skipped::NmeaSkipped;
+use self::skipped::{Skipped, UNDATED, WITHOUT_FIX, WITHOUT_SEPARATION, WITHOUT_TIME};
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::left_out::{DAMAGED, NOT_FIXED, WRONG_CHECKSUM};
 use crate::geometry::Vec3;
 use crate::sensor::{GeographicFix, HeadingFix};
 
@@ -55,33 +56,30 @@ pub(crate) const LOG: Kind = Kind {
 
 /// The content of a log.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NmeaLog<T> {
+struct NmeaLog<T> {
     /// Records in the order of the log.
-    pub records: Vec<T>,
+    records: Vec<T>,
     /// Numbers of skipped sentences.
-    pub skipped: NmeaSkipped,
+    skipped: Skipped,
 }
 
 /// Passes every useful sentence of a log to `take`.
-fn scan(input: &Input, mut take: impl FnMut(Sentence, &mut NmeaSkipped)) -> Result<NmeaSkipped> {
+fn scan(input: &Input, mut take: impl FnMut(Sentence, &mut Skipped)) -> Result<Skipped> {
     scan_to(input, |_, sentence, skipped| take(sentence, skipped))
 }
 
 /// Like [`scan`]; also passes the end of each sentence's line, in bytes from the start of the file.
-fn scan_to(
-    input: &Input,
-    mut take: impl FnMut(u64, Sentence, &mut NmeaSkipped),
-) -> Result<NmeaSkipped> {
-    let mut skipped = NmeaSkipped::default();
+fn scan_to(input: &Input, mut take: impl FnMut(u64, Sentence, &mut Skipped)) -> Result<Skipped> {
+    let mut skipped = Skipped::default();
     let mut has_checksums = false;
     for_each_piece(input, |end, piece| {
         let (has_checksum, sentence) = parse(piece);
         match sentence {
-            Ok(_) if has_checksums && !has_checksum => skipped.damaged += 1,
+            Ok(_) if has_checksums && !has_checksum => skipped.lost.add(DAMAGED),
             Ok(sentence) => take(end, sentence, &mut skipped),
             Err(Useless::Other) => skipped.other += 1,
-            Err(Useless::WrongChecksum) => skipped.wrong_checksum += 1,
-            Err(Useless::Damaged) => skipped.damaged += 1,
+            Err(Useless::WrongChecksum) => skipped.lost.add(WRONG_CHECKSUM),
+            Err(Useless::Damaged) => skipped.lost.add(DAMAGED),
         }
         has_checksums |= has_checksum;
     })?;
@@ -90,7 +88,7 @@ fn scan_to(
 
 /// Whether these could be the first bytes of a log: they contain a sentence with its checksum, or
 /// begin with a known sentence without one.
-pub fn looks_like(start: &[u8]) -> bool {
+fn looks_like(start: &[u8]) -> bool {
     let (mut count, mut is_log) = (0, false);
     pieces(start, |piece| {
         let (has_checksum, sentence) = parse(piece);
@@ -102,7 +100,7 @@ pub fn looks_like(start: &[u8]) -> bool {
 }
 
 /// The error for a log without the wanted records.
-fn no_records(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
+fn no_records(path: &Path, skipped: &Skipped, expected: &str) -> Error {
     let found = format!("only {skipped}");
     Error::format(path, Location::Whole, found, expected)
 }
@@ -112,7 +110,7 @@ fn no_records(path: &Path, skipped: &NmeaSkipped, expected: &str) -> Error {
 ///
 /// # Errors
 /// No heading with a time; more headings without a time of their own than with one.
-pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
+fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
     let mut clock = Clock::default();
     let mut epoch = None;
     let mut by_sentence: [Vec<(Moment, Heading)>; 5] = Default::default();
@@ -130,8 +128,8 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
                 None => late[kind] += 1,
             }
         }
-        Sentence::NoHeading => skipped.without_fix += 1,
-        Sentence::NotFixed => skipped.not_fixed += 1,
+        Sentence::NoHeading => skipped.lost.add(WITHOUT_FIX),
+        Sentence::NotFixed => skipped.lost.add(NOT_FIXED),
         Sentence::NoPosition | Sentence::NoDate | Sentence::NoAccuracy | Sentence::Accuracy(..) => {
         }
     })?;
@@ -139,7 +137,8 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
     let kind = (0..by_sentence.len())
         .max_by_key(|kind| (by_sentence[*kind].len(), late[*kind]))
         .unwrap_or(0);
-    skipped.without_time = late[kind];
+    let without_time = late[kind];
+    skipped.lost.add_all(WITHOUT_TIME, without_time);
     let headings = std::mem::take(&mut by_sentence[kind]);
     skipped.other += by_sentence
         .iter()
@@ -150,11 +149,11 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
                         their own)";
         return Err(no_records(input.path(), &skipped, expected));
     }
-    if skipped.without_time > headings.len() as u64 {
+    if without_time > headings.len() as u64 {
         let found = format!(
             "{} headings, {} of them without a time of their own",
-            headings.len() as u64 + skipped.without_time,
-            skipped.without_time
+            headings.len() as u64 + without_time,
+            without_time
         );
         let expected = "a GGA, ZDA or RMC before every heading";
         return Err(Error::format(
@@ -164,7 +163,9 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
             expected,
         ));
     }
-    let headings = clock.date(headings, &mut skipped.undated);
+    let mut undated = 0;
+    let headings = clock.date(headings, &mut undated);
+    skipped.lost.add_all(UNDATED, undated);
     let records = headings.into_iter().map(|(time_s, heading)| HeadingFix {
         time_s,
         heading_rad: heading.heading_deg.to_radians(),
@@ -180,17 +181,10 @@ pub fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
 ///
 /// # Errors
 /// Those of [`read_heading_log`].
-pub fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
+fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     let log = read_heading_log(input)?;
-    remark_losses(input, &log.skipped);
+    log.skipped.lost.remark(input, "NMEA sentences");
     Ok(log.records)
-}
-
-/// Keeps the numbers of sentences that a reader could not use.
-fn remark_losses(input: &Input, skipped: &NmeaSkipped) {
-    if let Some(losses) = skipped.losses() {
-        input.remark(format!("NMEA sentences left out: {losses}"));
-    }
 }
 
 /// Positions with the standard deviations of the GST sentences with their times.
@@ -231,15 +225,15 @@ impl Fixes {
 }
 
 /// The error for a log without a position.
-fn no_positions(path: &Path, skipped: &NmeaSkipped) -> Error {
-    if skipped.without_separation == 0 {
+fn no_positions(path: &Path, skipped: &Skipped) -> Error {
+    let without_separation = skipped.lost.count(WITHOUT_SEPARATION);
+    if without_separation == 0 {
         let expected = "positions (GGA with a fix and a geoid separation, or PTNL,GGK)";
         return no_records(path, skipped, expected);
     }
     let found = format!(
-        "{} positions (GGA) without the separation of geoid and ellipsoid, so that their heights above the ellipsoid \
-         are unknown",
-        skipped.without_separation
+        "{without_separation} positions (GGA) without the separation of geoid and ellipsoid, so that their heights above \
+         the ellipsoid are unknown"
     );
     let expected = "GGA with the separation in its 11th field: set the receiver to write it, or to write PTNL,GGK";
     Error::format(path, Location::Whole, found, expected)
@@ -251,7 +245,7 @@ fn no_positions(path: &Path, skipped: &NmeaSkipped) -> Error {
 /// # Errors
 /// No position with a fix and the separation of geoid and ellipsoid, without which the ellipsoidal height
 /// is unknown.
-pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
+fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
     let mut clock = Clock::default();
     let mut fixes = Fixes::default();
     let mut skipped = scan(input, |sentence, skipped| match sentence {
@@ -259,7 +253,7 @@ pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
             let moment = clock.at_maybe(place.second_s, place.date);
             match place.separation_m {
                 Some(separation_m) => fixes.push(moment, &place, separation_m),
-                None => skipped.without_separation += 1,
+                None => skipped.lost.add(WITHOUT_SEPARATION),
             }
         }
         Sentence::Accuracy(second_s, sigma_m) => fixes.take(second_s, sigma_m),
@@ -271,7 +265,7 @@ pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
                 .second_s
                 .map(|second_s| clock.at_maybe(second_s, heading.date));
         }
-        Sentence::NoPosition => skipped.without_fix += 1,
+        Sentence::NoPosition => skipped.lost.add(WITHOUT_FIX),
         Sentence::NoHeading | Sentence::NotFixed | Sentence::NoDate | Sentence::NoAccuracy => {}
     })?;
     let [gga, ggk] = fixes.by_sentence;
@@ -285,7 +279,9 @@ pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
         return Err(no_positions(input.path(), &skipped));
     }
     skipped.other += other.len() as u64;
-    let fixes = clock.date(fixes, &mut skipped.undated);
+    let mut undated = 0;
+    let fixes = clock.date(fixes, &mut undated);
+    skipped.lost.add_all(UNDATED, undated);
     let records = fixes
         .into_iter()
         .map(|(time_s, fix)| GeographicFix { time_s, ..fix });
@@ -297,9 +293,9 @@ pub fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
 ///
 /// # Errors
 /// Those of [`read_position_log`].
-pub fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
+fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
     let log = read_position_log(input)?;
-    remark_losses(input, &log.skipped);
+    log.skipped.lost.remark(input, "NMEA sentences");
     Ok(log.records)
 }
 

@@ -1,51 +1,33 @@
 //! Sentences that are not used, counted by reason.
 
-/// Numbers of the sentences of a log that were skipped, by reason.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct NmeaSkipped {
+use std::fmt;
+
+use crate::format::left_out::LeftOut;
+
+/// The reason of a position or heading that the receiver marks as invalid or leaves empty.
+pub(super) const WITHOUT_FIX: &str = "without a fix";
+/// The reason of a position without the separation of geoid and ellipsoid.
+pub(super) const WITHOUT_SEPARATION: &str = "without a geoid separation";
+/// The reason of a heading before the first time, or after another heading with the same time.
+pub(super) const WITHOUT_TIME: &str = "headings without a time of their own";
+/// The reason of a record with a date that the receiver showed before it knew the date.
+pub(super) const UNDATED: &str = "dated before the receiver knew the date";
+
+/// Numbers of the sentences of a log that were skipped.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Skipped {
     /// Sentences of other types, and lines that are not sentences.
-    pub other: u64,
-    /// Sentences with a wrong checksum.
-    pub wrong_checksum: u64,
-    /// Sentences that are cut off or have unreadable fields, and sentences without a checksum in a
-    /// log that has checksums.
-    pub damaged: u64,
-    /// Positions and headings that the receiver marks as invalid or leaves empty.
-    pub without_fix: u64,
-    /// Headings from carrier phases whose ambiguities are not fixed.
-    pub not_fixed: u64,
-    /// Positions without the separation of geoid and ellipsoid.
-    pub without_separation: u64,
-    /// Headings before the first time, or after another heading with the same time.
-    pub without_time: u64,
-    /// Records with a date that the receiver showed before it knew the date.
-    pub undated: u64,
+    pub(super) other: u64,
+    /// Sentences that could not be used. Sentences without a checksum in a log that has checksums are damaged.
+    pub(super) lost: LeftOut,
 }
 
-impl NmeaSkipped {
-    /// The numbers above 0 with their reasons, without sentences of other types; `None` if there are none.
-    pub(super) fn losses(&self) -> Option<String> {
-        let losses = [
-            (self.wrong_checksum, "with a wrong checksum"),
-            (self.damaged, "damaged"),
-            (self.without_fix, "without a fix"),
-            (self.not_fixed, "headings without fixed ambiguities"),
-            (self.without_separation, "without a geoid separation"),
-            (self.without_time, "headings without a time of their own"),
-            (self.undated, "dated before the receiver knew the date"),
-        ];
-        let losses = losses.iter().filter(|(count, _)| *count > 0);
-        let losses: Vec<String> = losses.map(|(n, why)| format!("{n} {why}")).collect();
-        (!losses.is_empty()).then(|| losses.join(", "))
-    }
-}
-
-impl std::fmt::Display for NmeaSkipped {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for Skipped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} sentences of other types", self.other)?;
-        match self.losses() {
-            Some(losses) => write!(f, ", {losses}"),
-            None => Ok(()),
+        match self.lost.total() {
+            0 => Ok(()),
+            _ => write!(f, ", {}", self.lost),
         }
     }
 }

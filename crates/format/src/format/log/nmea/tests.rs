@@ -44,19 +44,13 @@ fn headings_have_the_time_of_their_epoch() {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
     assert_eq!(found.len(), 2);
-    let skipped = NmeaSkipped {
-        // The first half line, VTG, and THS, which is less frequent than HDT.
-        other: 3,
-        wrong_checksum: 1,
-        damaged: 1,
-        without_fix: 2,
-        not_fixed: 0,
-        without_separation: 0,
-        // One before the first time, and a second one in the same epoch.
-        without_time: 2,
-        undated: 0,
-    };
-    assert_eq!(log.skipped, skipped);
+    // The first half line, VTG, and THS, which is less frequent than HDT.
+    assert_eq!(log.skipped.other, 3);
+    let lost = log.skipped.lost;
+    // One before the first time, and a second one in the same epoch.
+    let reasons = [WRONG_CHECKSUM, DAMAGED, WITHOUT_FIX, WITHOUT_TIME];
+    assert_eq!(reasons.map(|why| lost.count(why)), [1, 1, 2, 2]);
+    assert_eq!(lost.total(), 6);
 }
 
 #[test]
@@ -72,9 +66,10 @@ fn positions_are_ellipsoidal() {
         assert!((fix.longitude_rad.to_degrees() - longitude).abs() < 1e-13);
         assert!((fix.height_m - height_m).abs() < 1e-12);
     }
+    let lost = log.skipped.lost;
     assert_eq!(
-        (log.skipped.without_fix, log.skipped.without_separation),
-        (1, 1)
+        [WITHOUT_FIX, WITHOUT_SEPARATION].map(|why| lost.count(why)),
+        [1, 1]
     );
 }
 
