@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use boresight::format::{self, Input, inspect};
-use boresight::geometry::Projection;
+use boresight::geometry::{BodyAxes, Projection};
 use boresight::pipeline::stages;
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -327,7 +327,7 @@ fn poses_of_the_week_are_continued() {
         bytes[record * 136..record * 136 + 8].copy_from_slice(&time_s.to_le_bytes());
     }
     fs::write(&sbet, bytes).unwrap();
-    let found = format::read_sbet(&sbet, &crs).unwrap();
+    let found = format::read_projected_trajectory(&sbet, BodyAxes::Flu, Some(&crs)).unwrap();
     assert_eq!(found[3].time_s, 604_800.1);
 }
 

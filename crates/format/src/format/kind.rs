@@ -171,12 +171,12 @@ impl Format {
 
     /// Whether it may hold poses.
     pub fn has_poses(self) -> bool {
-        self.0.poses.is_some()
+        self.0.poses.is_some() || self.has_geographic_poses()
     }
 
     /// Whether its poses have latitudes and longitudes, which a projection turns into positions.
     pub fn has_geographic_poses(self) -> bool {
-        self.0.geographic_poses.is_some() || self.id() == "sbet"
+        self.0.geographic_poses.is_some()
     }
 
     /// Whether its poses have roll, pitch and heading: the body has x forward, y left, z up until it is turned to the axes

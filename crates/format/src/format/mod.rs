@@ -64,7 +64,6 @@ pub use mountings::bonn_xml::{read_mounting, write_mounting};
 pub use mountings::others::{pdal_pipeline, ros_launch, ros_transforms, urdf};
 pub use parquet::{parquet_sink, write_extents};
 pub use plausible::{MOST_COORDINATE_M, MOST_TIME_S};
-pub use poses::sbet::read_sbet;
 pub use poses::sbet_out::write_sbet;
 pub use poses::table::{write_trajectory, write_tum};
 pub use profiles::bonn::BonnWriter;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::detect::{detect, other_table};
 use super::file::nothing_in;
 use super::input::Input;
-use super::kind::{Format, Frame, Kind};
+use super::kind::{Format, Frame, Kind, Reader};
 use super::kinds::KINDS;
 use super::plausible::{check_place, check_time};
 use super::recorded::{SensorClock, sensor_clock, station_times};
@@ -17,7 +17,7 @@ use crate::format::cloud::table as cloud_table;
 use crate::format::las::file::LasFile;
 use crate::format::log::{positions, tables as native};
 use crate::format::poses::order::in_time_order;
-use crate::format::poses::{sbet, table as pose_table};
+use crate::format::poses::table as pose_table;
 use crate::format::profiles::reader::ProfileReader;
 use crate::format::profiles::table as profile;
 use crate::format::text::civil::adjusted_gps_from_unix_s;
@@ -134,13 +134,22 @@ fn convert_times<T: Timed>(clock: &SensorClock, records: &mut [T]) {
 /// repeat a time, and messages of a recording out of order, are left out, which the input remarks.
 ///
 /// # Errors
-/// A file of another format, and errors of the format's reader; SBET, whose positions are geographic; a line
+/// A file of another format, and errors of the format's reader; latitudes and longitudes; a line
 /// or record with an earlier time than that before it; no poses.
 pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
-    let select = |kind: &Kind| kind.poses;
+    let refuse: Reader<Vec<PoseRecord>> = refuse_geographic;
+    let select = |kind: &Kind| kind.poses.or(kind.geographic_poses.map(|_| refuse));
     let read = reader(input, "a trajectory", select, &pose_table::POSE_TABLE)?;
     checked(input, in_time_order(input, read(input)?)?)
+}
+
+/// Refuses poses with latitudes and longitudes, which need a projection. Damage to the file is reported first.
+fn refuse_geographic(input: &Input) -> Result<Vec<PoseRecord>> {
+    if let Some(read) = detect(input)?.0.geographic_poses {
+        read(input)?;
+    }
+    Err(unprojected(input.path()))
 }
 
 /// The poses, whose times and places a sensor can have.
@@ -192,18 +201,12 @@ pub fn read_projected_trajectory(
 ) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let format = detect(input).ok();
-    let mut poses = match format.filter(|format| format.has_geographic_poses()) {
-        Some(Format(kind)) => {
-            let crs = crs.ok_or_else(|| unprojected(input.path()))?;
-            match kind.geographic_poses {
-                Some(read) => {
-                    let poses = project_poses(&read(input)?, crs).map_err(|e| of_file(e, input))?;
-                    checked(input, in_time_order(input, poses)?)?
-                }
-                None => sbet::read_sbet(input, crs)?,
-            }
+    let mut poses = match (format.and_then(|format| format.0.geographic_poses), crs) {
+        (Some(read), Some(crs)) => {
+            let poses = project_poses(&read(input)?, crs).map_err(|e| of_file(e, input))?;
+            checked(input, in_time_order(input, poses)?)?
         }
-        None => read_trajectory(input)?,
+        _ => read_trajectory(input)?,
     };
     if format.is_some_and(Format::has_navigation_angles) {
         for pose in &mut poses {

@@ -19,7 +19,6 @@ pub use continued::{Continued, continue_times, start_between_s};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use navigation::{GeographicPose, NavigationAngles, NavigationSigma};
 pub use order::longest_increasing;
-pub(crate) use projected::project_pose;
 pub use projected::{project_fixes, project_poses};
 pub use quality::FixQuality;
 pub use record::Record;

@@ -44,7 +44,7 @@ pub fn project_poses(poses: &[GeographicPose], system: &Projection) -> Result<Ve
 ///
 /// # Errors
 /// A position outside the system.
-pub(crate) fn project_pose(
+fn project_pose(
     pose: &GeographicPose,
     system: &Projection,
 ) -> std::result::Result<PoseRecord, Misfit> {

@@ -1,7 +1,6 @@
 //! Trajectories.
 
 pub(super) mod bonn_trajectory;
-pub(super) mod geographic;
 pub(super) mod navigation;
 pub(super) mod order;
 pub(super) mod pospac;

@@ -10,7 +10,6 @@ use crate::error::Result;
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
-use crate::format::poses::geographic::refuse;
 use crate::format::poses::table::IN_ORDER;
 use crate::format::text::lines::{Lines, Separator};
 use crate::geometry::Vec3;
@@ -18,7 +17,6 @@ use crate::sensor::{Continued, GeographicPose, NavigationAngles, NavigationSigma
 
 pub(crate) const EXPORT: Kind = Kind {
     signature: Some(looks_like),
-    poses: Some(refuse),
     geographic_poses: Some(read),
     has_navigation_angles: true,
     note: "geographic positions: used with `crs` in [frame] of a project",
@@ -215,13 +213,10 @@ mod tests {
         let path = folder.path().join("a.txt");
         std::fs::write(&path, text).unwrap();
         assert_eq!(detect(&path)?.id(), "pospac-text");
-        assert!(
-            read_trajectory(&path)
-                .unwrap_err()
-                .to_string()
-                .contains("`crs`")
-        );
-        read(&Input::from(&path))
+        let poses = read(&Input::from(&path))?;
+        let error = read_trajectory(&path).unwrap_err().to_string();
+        assert!(error.contains("`crs`"), "{error}");
+        Ok(poses)
     }
 
     #[test]

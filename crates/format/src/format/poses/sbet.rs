@@ -1,18 +1,18 @@
 //! SBET (smoothed best estimate of trajectory) of Applanix: 17 little-endian f64 per record.
 //!
-//! Positions are latitude and longitude (rad) and ellipsoidal height, so a trajectory needs a
-//! [`Projection`]. Roll, pitch and platform heading rotate the body (x forward, y right, z down)
+//! Positions are latitude and longitude (rad) and ellipsoidal height, so a trajectory needs a projection. Roll, pitch and platform heading rotate the body (x forward, y right, z down)
 //! against a level frame that wanders, whose x axis has the azimuth −`wander_angle`: true heading =
 //! platform heading − wander angle. Velocities are along the axes of that frame with y to the left
 //! of x and z up: v_north = v_x cos α − v_y sin α, v_east = −v_x sin α − v_y cos α.
+
+use std::f64::consts::FRAC_PI_2;
 
 use crate::error::{Error, Location, Result};
 use crate::format::binary::{Bytes, Number};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
-use crate::format::poses::order::in_time_order;
-use crate::geometry::{Projection, Vec3};
-use crate::sensor::{Continued, GeographicPose, NavigationAngles, PoseRecord, project_pose};
+use crate::geometry::Vec3;
+use crate::sensor::{Continued, GeographicPose, NavigationAngles};
 
 /// Bytes of a record.
 pub(crate) const RECORD: usize = 136;
@@ -41,7 +41,7 @@ pub(crate) const COLUMNS: [&str; 17] = [
 pub(crate) const SBET: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes, start.size)),
     extensions: &["sbet"],
-    poses: Some(refuse),
+    geographic_poses: Some(read),
     has_navigation_angles: true,
     note: "geographic positions and a wander azimuth: used with `crs` in [frame] of a project",
     frame: Frame::Fixed(
@@ -50,25 +50,13 @@ pub(crate) const SBET: Kind = Kind {
     ..Kind::new("sbet", "trajectory (SBET, geographic)")
 };
 
-/// Refuses geographic poses and names the remedy; damage to the file is reported first.
-fn refuse(input: &Input) -> Result<Vec<PoseRecord>> {
-    for_each(input, |_| ())?;
-    Err(Error::data(
-        format!(
-            "{}: SBET contains latitude, longitude and a wander azimuth, not a local frame",
-            input.path().display()
-        ),
-        "name the projected system as `crs` in [frame] of the project",
-    ))
-}
-
 fn record(bytes: &[u8]) -> [f64; 17] {
     std::array::from_fn(|i| Number::F64.read(&bytes[8 * i..], false))
 }
 
 /// Whether these could be the first bytes of a file of `size` bytes in this format.
 pub(crate) fn looks_like(start: &[u8], size: u64) -> bool {
-    use std::f64::consts::{FRAC_PI_2, TAU};
+    use std::f64::consts::TAU;
     start.len() >= RECORD && size.is_multiple_of(RECORD as u64) && {
         let r = record(start);
         let normal = |v: f64| v == 0.0 || (1e-12..1e10).contains(&v.abs());
@@ -106,37 +94,30 @@ fn try_for_each(input: &Input, mut take: impl FnMut(u64, &[f64; 17]) -> Result<(
     Ok(())
 }
 
-/// Reads poses in the projected coordinates of `system`: east, north and ellipsoidal height, and
-/// the attitude of a **body with x forward, y left, z up** against grid north. Velocities are the
-/// derivatives of these positions, so they have the scale of the projection. Times are as in the
-/// file, most often seconds of the GPS week; no datum shift is applied.
+/// Reads the poses. Times are as in the file, most often seconds of the GPS week.
 ///
 /// # Errors
-/// A file that is cut off or has numbers that are not finite, times out of order, positions
-/// outside `system`, no records. Errors of a record name its byte.
-pub fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<PoseRecord>> {
-    let input = &input.into();
-    let mut records: Vec<PoseRecord> = Vec::new();
+/// A file that is cut off, numbers that are not finite, latitudes that are none, times out of order. Errors of a record
+/// name its byte.
+fn read(input: &Input) -> Result<Vec<GeographicPose>> {
+    let mut poses = Vec::new();
     let mut times = Continued::default();
     try_for_each(input, |at, values| {
-        let error = |found: String, expected: String| {
-            Err(Error::format(
-                input.path(),
-                Location::Byte(at),
-                found,
-                expected,
-            ))
+        let error = |found: String, expected: &str| {
+            Error::format(input.path(), Location::Byte(at), found, expected)
         };
-        if let Err(found) = times.in_order(values[0]) {
-            return error(found, "times that increase".to_owned());
+        times
+            .in_order(values[0])
+            .map_err(|found| error(found, "times that increase"))?;
+        let pose = pose(values);
+        if pose.latitude_rad.abs() > FRAC_PI_2 {
+            let found = format!("latitude {}°", pose.latitude_rad.to_degrees());
+            return Err(error(found, "-90° to 90°, in radians"));
         }
-        match project_pose(&pose(values), system) {
-            Ok(pose) => records.push(pose),
-            Err(misfit) => return error(misfit.found, misfit.expected),
-        }
+        poses.push(pose);
         Ok(())
     })?;
-    in_time_order(input, records)
+    Ok(poses)
 }
 
 fn pose(values: &[f64; 17]) -> GeographicPose {

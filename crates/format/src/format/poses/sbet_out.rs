@@ -25,7 +25,7 @@ struct Level {
 }
 
 /// Writes poses in the projected coordinates of `system`, for a body with x forward, y left, z up.
-/// [`read_sbet`](crate::format::read_sbet) reads them back to 0.1 mm and 1e-7 rad. The third coordinate is
+/// [`read_projected_trajectory`](crate::format::read_projected_trajectory) reads them back to 0.1 mm and 1e-7 rad. The third coordinate is
 /// written as ellipsoidal height, times as they are.
 ///
 /// The wander angle is 0: platform headings are true headings, velocities are to the north, west and

@@ -16,7 +16,6 @@ use self::message::{Line, Message, is_start, parse};
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
-use crate::format::poses::geographic::refuse;
 use crate::format::text::lines::Lines;
 use crate::geometry::Vec3;
 use crate::sensor::{FixQuality, GeographicFix, GeographicPose, NavigationAngles, NavigationSigma};
@@ -24,7 +23,6 @@ use crate::sensor::{FixQuality, GeographicFix, GeographicPose, NavigationAngles,
 pub(crate) const LOG: Kind = Kind {
     signature: Some(looks_like),
     geographic: Some(read_positions),
-    poses: Some(refuse),
     geographic_poses: Some(read_poses),
     has_navigation_angles: true,
     contents: Some(contents),

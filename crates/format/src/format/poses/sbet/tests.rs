@@ -2,14 +2,19 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::format::mutation::for_each_damaged;
-use crate::format::{inspect, read_trajectory, write_sbet};
+use crate::format::{inspect, read_projected_trajectory, read_trajectory, write_sbet};
 use crate::geometry::attitude::{from_roll_pitch_heading, roll_pitch_heading};
-use crate::geometry::{Rotation, WorldFromBody, heading::wrap, so3};
+use crate::geometry::{BodyAxes, Projection, Rotation, WorldFromBody, heading::wrap, so3};
+use crate::sensor::PoseRecord;
 
 fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.sbet");
     (folder, path)
+}
+
+fn read_sbet(input: impl Into<Input>, system: &Projection) -> Result<Vec<PoseRecord>> {
+    read_projected_trajectory(input, BodyAxes::Flu, Some(system))
 }
 
 fn write(path: &Path, rows: &[[f64; 17]]) {
@@ -268,7 +273,10 @@ fn errors_name_the_byte() {
     failed(&[REAL[0], degrees], "byte 136: found latitude 1864");
     let mut elsewhere = REAL[1];
     elsewhere[2] = 0.1;
-    failed(&[elsewhere], "byte 0: found latitude 32.5");
+    failed(
+        &[elsewhere],
+        "a.sbet: position at 151631.0078318641 s: latitude 32.5",
+    );
     let mut missing = REAL[1];
     missing[9] = f64::NAN;
     failed(
