@@ -6,6 +6,7 @@
 pub mod attitude;
 mod bending;
 pub mod euler;
+mod geocentric;
 mod grid;
 pub mod heading;
 #[cfg_attr(not(feature = "projections"), path = "projection_absent.rs")]
@@ -15,6 +16,7 @@ mod transform;
 
 pub use bending::{Bending, bent};
 pub use euler::EulerConvention;
+pub use geocentric::Geodetic;
 pub use grid::{GridPoint, Misfit};
 pub use heading::BodyAxes;
 pub use projection::Projection;

@@ -1,7 +1,8 @@
 //! Positions of RTKLIB (`.pos`) and of receivers by Emlid (`.LLH`), which write the same lines.
 //!
-//! A line holds a time, latitude, longitude and ellipsoidal height, the quality Q, the number of satellites and
-//! standard deviations (north, east, up). The time is `yyyy/mm/dd hh:mm:ss.sss`, `hh:mm:ss.sss` or the GPS week and its
+//! A line holds a time, a place, the quality Q, the number of satellites and standard deviations. The place is latitude,
+//! longitude and ellipsoidal height, with standard deviations to the north, to the east and upwards; or geocentric x, y
+//! and z, with those along these axes and the roots of their covariances, negative for negative ones. The time is `yyyy/mm/dd hh:mm:ss.sss`, `hh:mm:ss.sss` or the GPS week and its
 //! second; latitude and longitude are in degrees, or in degrees, minutes and seconds. Lines that begin with `%` are
 //! comments, of which the last names the columns.
 //!
@@ -15,7 +16,7 @@ use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
 use crate::format::text::civil::{DAY_S, days_since_1970, second_of_day};
 use crate::format::text::lines::Lines;
-use crate::geometry::Vec3;
+use crate::geometry::{Geodetic, Mat3, Vec3};
 use crate::sensor::{FixQuality, GeographicFix};
 
 pub(crate) const POSITIONS: Kind = Kind {
@@ -38,6 +39,7 @@ const WEEKS: std::ops::RangeInclusive<u32> = 1024..=6000;
 struct Layout {
     /// Whether latitude and longitude are in degrees, minutes and seconds.
     is_sexagesimal: bool,
+    is_geocentric: bool,
     is_utc: bool,
     /// Content that is not read.
     unread: Option<&'static str>,
@@ -46,9 +48,9 @@ struct Layout {
 impl Layout {
     fn note(&mut self, comment: &str) {
         self.is_sexagesimal |= comment.contains("(d'\")");
+        self.is_geocentric |= comment.contains("x-ecef");
         self.is_utc |= comment.trim_start_matches(['%', ' ']).starts_with("UTC");
         let contents = [
-            ("x-ecef", "geocentric coordinates"),
             ("e-baseline", "baselines"),
             ("/geodetic", "heights above the geoid"),
         ];
@@ -87,27 +89,63 @@ fn time(cells: &[&str]) -> Option<(f64, usize)> {
     Some((days as f64 * DAY_S + clock(second)?, 2))
 }
 
-/// The position in a line; `None` if it is none.
-fn fix(line: &str, layout: Layout) -> Option<GeographicFix> {
-    let cells = cells(line);
-    let (time_s, taken) = time(&cells)?;
-    let mut rest = cells[taken..].iter().copied();
-    let mut number = || -> Option<f64> {
-        let value: f64 = rest.next()?.parse().ok()?;
+/// The numbers of a line behind its time.
+struct Numbers<'a>(std::vec::IntoIter<&'a str>);
+
+impl Numbers<'_> {
+    fn next(&mut self) -> Option<f64> {
+        let value: f64 = self.0.next()?.parse().ok()?;
         value.is_finite().then_some(value)
-    };
-    let mut angle_deg = || {
-        let degrees = number()?;
+    }
+
+    fn three(&mut self) -> Option<Vec3> {
+        Some(Vec3::new(self.next()?, self.next()?, self.next()?))
+    }
+
+    fn angle_deg(&mut self, layout: Layout) -> Option<f64> {
+        let degrees = self.next()?;
         if !layout.is_sexagesimal {
             return Some(degrees);
         }
-        let (minutes, seconds) = (number()?, number()?);
+        let (minutes, seconds) = (self.next()?, self.next()?);
         Some(degrees.signum() * (degrees.abs() + minutes / 60.0 + seconds / 3600.0))
-    };
-    let (latitude_deg, longitude_deg) = (angle_deg()?, angle_deg()?);
-    let height_m = number()?;
-    let is_on_earth = latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0;
-    let quality = match number()? {
+    }
+
+    fn place(&mut self, layout: Layout) -> Option<Geodetic> {
+        if layout.is_geocentric {
+            return Some(Geodetic::from_geocentric(&self.three()?));
+        }
+        let (latitude_deg, longitude_deg) = (self.angle_deg(layout)?, self.angle_deg(layout)?);
+        let is_on_earth = latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0;
+        is_on_earth.then_some(Geodetic {
+            latitude_rad: latitude_deg.to_radians(),
+            longitude_rad: longitude_deg.to_radians(),
+            height_m: self.next()?,
+        })
+    }
+
+    /// Standard deviations to the east, to the north and upwards.
+    fn sigma_m(&mut self, layout: Layout, place: &Geodetic) -> Option<Vec3> {
+        let sigma_m = self.three()?;
+        if !layout.is_geocentric {
+            return Some(Vec3::new(sigma_m.y, sigma_m.x, sigma_m.z));
+        }
+        let [xx, yy, zz] = sigma_m.map(|s| s * s).into();
+        let [xy, yz, zx] = self.three()?.map(|s| s * s.abs()).into();
+        let turn = place.local_from_geocentric().to_rotation_matrix();
+        let covariance = turn * Mat3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz) * turn.transpose();
+        // Rounded roots may leave a variance below zero, which is unknown.
+        Some(covariance.diagonal().map(|v| v.max(0.0).sqrt()))
+    }
+}
+
+/// The position in a line; `None` if it is none.
+fn fix(line: &str, layout: Layout) -> Option<GeographicFix> {
+    let mut cells = cells(line);
+    let (time_s, taken) = time(&cells)?;
+    let mut numbers = Numbers(cells.split_off(taken).into_iter());
+    let place = numbers.place(layout)?;
+    let quality = match numbers.next()? {
         1.0 => FixQuality::Fixed,
         // 6 is PPP, whose ambiguities are not fixed in these programs.
         2.0 | 6.0 => FixQuality::Float,
@@ -115,14 +153,13 @@ fn fix(line: &str, layout: Layout) -> Option<GeographicFix> {
         5.0 => FixQuality::Single,
         _ => return None,
     };
-    let _satellites = number()?;
-    let (north, east, up) = (number()?, number()?, number()?);
-    let sigma_m = Vec3::new(east, north, up);
-    is_on_earth.then(|| GeographicFix {
+    let _satellites = numbers.next()?;
+    let sigma_m = numbers.sigma_m(layout, &place)?;
+    Some(GeographicFix {
         time_s,
-        latitude_rad: latitude_deg.to_radians(),
-        longitude_rad: longitude_deg.to_radians(),
-        height_m,
+        latitude_rad: place.latitude_rad,
+        longitude_rad: place.longitude_rad,
+        height_m: place.height_m,
         sigma_m: (sigma_m.min() > 0.0).then_some(sigma_m),
         quality: Some(quality),
     })
@@ -146,7 +183,7 @@ fn looks_like(start: &Start<'_>) -> bool {
 /// Reads the positions with their quality and standard deviations, in the order of the file.
 ///
 /// # Errors
-/// Coordinates other than latitude, longitude and ellipsoidal height; more lines that are no positions than positions; no
+/// Baselines and heights above the geoid; more lines that are no positions than positions; no
 /// position.
 fn read(input: &Input) -> Result<Vec<GeographicFix>> {
     let mut lines = Lines::open(input)?;
@@ -159,7 +196,8 @@ fn read(input: &Input) -> Result<Vec<GeographicFix>> {
             continue;
         }
         if let Some(unread) = layout.unread {
-            return Err(lines.error(unread, "latitude, longitude and ellipsoidal height"));
+            let expected = "latitude, longitude and ellipsoidal height, or geocentric coordinates";
+            return Err(lines.error(unread, expected));
         }
         match fix(line, layout) {
             _ if line.is_empty() => {}
@@ -170,7 +208,7 @@ fn read(input: &Input) -> Result<Vec<GeographicFix>> {
                     let found: String = line.chars().take(80).collect();
                     lines.error(
                         format!("`{found}`"),
-                        "time, latitude, longitude, height, Q, satellites and three standard deviations",
+                        "time, place, Q, satellites and standard deviations",
                     )
                 });
             }
@@ -232,6 +270,38 @@ mod tests {
     }
 
     #[test]
+    fn geocentric_positions_and_their_covariances_are_turned() {
+        // A row as the program writes it, of a station in Warsaw; expected values from a second implementation.
+        let text = "%  GPST                      x-ecef(m)      y-ecef(m)      z-ecef(m)   Q  ns   sdx(m)   sdy(m)   sdz(m)  \
+                    sdxy(m)  sdyz(m)  sdzx(m) age(s)  ratio\n\
+                    2024/05/18 00:01:00.000   3655333.8139   1403901.0395   5018037.9864   1   8   0.0117   0.0063   \
+                    0.0128   0.0056   0.0048   0.0097   0.00    3.6\n";
+        let fix = read_text(text).unwrap()[0];
+        let degrees = [fix.latitude_rad, fix.longitude_rad].map(f64::to_degrees);
+        assert!(
+            (degrees[0] - 52.220_965_721_746_26).abs() < 1e-12,
+            "{degrees:?}"
+        );
+        assert!(
+            (degrees[1] - 21.010_243_419_965_757).abs() < 1e-12,
+            "{degrees:?}"
+        );
+        assert!(
+            (fix.height_m - 170.719_567_583_9).abs() < 1e-8,
+            "{}",
+            fix.height_m
+        );
+        let expected = Vec3::new(
+            0.005_585_026_782_366,
+            0.007_697_665_004_938,
+            0.015_810_548_039_584,
+        );
+        assert!((fix.sigma_m.unwrap() - expected).norm() < 1e-12, "{fix:?}");
+        assert_eq!(fix.quality, Some(FixQuality::Fixed));
+        assert_eq!(fix.time_s, 1_715_990_460.0);
+    }
+
+    #[test]
     fn other_coordinates_are_refused_and_cut_lines_counted() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.pos");
@@ -245,8 +315,9 @@ mod tests {
             "{remarks}"
         );
         assert!(remarks.contains("line 3") && remarks.contains("18 s ahead of UTC"));
-        let geocentric = format!("%  GPST  x-ecef(m)  y-ecef(m)  z-ecef(m)   Q  ns\n{row}");
-        let error = read_text(&geocentric).unwrap_err().to_string();
-        assert!(error.contains("found geocentric coordinates"), "{error}");
+        let baselines =
+            format!("%  GPST  e-baseline(m)  n-baseline(m)  u-baseline(m)   Q  ns\n{row}");
+        let error = read_text(&baselines).unwrap_err().to_string();
+        assert!(error.contains("found baselines"), "{error}");
     }
 }
