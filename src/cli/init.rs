@@ -47,7 +47,6 @@ impl Init {
             (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
             (true, Err(error)) => format!("To be corrected by hand: {error}"),
         });
-        lines.extend(unread.iter().map(|error| format!("Not read: {error}")));
         let file = path.display();
         lines.push(if is_trajectory_only {
             format!(

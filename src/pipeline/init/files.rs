@@ -17,6 +17,11 @@ pub const MOST_FILES: usize = 10_000;
 const ROWS: usize = 1000;
 const BYTES: u64 = 1 << 20;
 
+const IMU: &str = "the samples of an IMU: [imu]";
+const HEADING: &str = "headings: [heading]";
+const GEOGRAPHIC: &str = "latitudes and longitudes of an antenna: [gnss], with frame.crs";
+const GEOGRAPHIC_POSES: &str = "poses with latitudes and longitudes: [trajectory], with frame.crs";
+
 /// A file, and what it can serve as.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileUse {
@@ -54,7 +59,8 @@ pub struct SortedFiles {
     pub heading: Vec<PathBuf>,
     pub poses: Vec<PathBuf>,
     pub profiles: Vec<PathBuf>,
-    /// LAS with the sensor's pose at every point, which are profiles and poses, with their first and last time, seconds.
+    /// LAS with the pose of one sensor at every point, which are profiles and poses, in time order, with their first and
+    /// last time, seconds.
     pub posed: Vec<(PathBuf, [f64; 2])>,
     pub clouds: Vec<PathBuf>,
     pub mountings: Vec<(PathBuf, BodyFromScanner)>,
@@ -90,6 +96,7 @@ pub fn sorted(folder: &Path) -> Result<SortedFiles> {
     for file in &files {
         sorted.add(folder, file);
     }
+    sorted.leave_out_other_sensors();
     Ok(sorted)
 }
 
@@ -215,11 +222,7 @@ impl SortedFiles {
                 }
                 (&mut self.prism, "the positions of a prism: [prism]")
             }
-            Role::Geographic => (
-                &mut self.gnss,
-                "latitudes and longitudes of an antenna: [gnss], with frame.crs",
-            ),
-            Role::Logs => return self.sort_log(input, format, path),
+            Role::Log => return self.sort_log(input, format, &path),
             Role::None => (
                 &mut self.unknown,
                 "nothing: no measurements that a project uses",
@@ -229,30 +232,67 @@ impl SortedFiles {
         serves.to_owned()
     }
 
-    /// Sorts a log that may hold headings and samples of an IMU.
-    fn sort_log(&mut self, input: &Input, format: Format, path: PathBuf) -> String {
-        let heading = format
-            .has_heading()
-            .then(|| format::read_heading(input).map(drop));
-        let imu = format.has_imu().then(|| format::read_imu(input).map(drop));
-        let mut serves = Vec::new();
-        if let Some(Ok(())) = &heading {
-            self.heading.push(path.clone());
-            serves.push("headings: [heading]");
-        }
-        if let Some(Ok(())) = &imu {
-            self.imu.push(path);
-            serves.push("the samples of an IMU: [imu]");
-        }
-        if !serves.is_empty() {
-            return serves.join("; ");
-        }
-        // A format that can hold both may hold only one of them.
-        let errors = heading.into_iter().chain(imu).filter_map(Result::err);
-        match errors.last() {
+    /// Sorts a log that may hold several kinds of measurements: it serves as all that can be read of it.
+    fn sort_log(&mut self, input: &Input, format: Format, path: &Path) -> String {
+        let (mut serves, mut last_error) = (Vec::new(), None);
+        let mut offer =
+            |has: bool, read: &dyn Fn() -> Result<()>, to: &mut Vec<PathBuf>, what| match has
+                .then(read)
+            {
+                Some(Ok(())) => {
+                    to.push(path.to_owned());
+                    serves.push(what);
+                }
+                Some(Err(error)) => last_error = Some(error),
+                None => {}
+            };
+        let imu = || format::read_imu(input).map(drop);
+        let heading = || format::read_heading(input).map(drop);
+        let geographic = || format::read_geographic(input).map(drop);
+        let poses = || format::read_geographic_poses(input).map(drop);
+        offer(format.has_imu(), &imu, &mut self.imu, IMU);
+        offer(format.has_heading(), &heading, &mut self.heading, HEADING);
+        offer(
+            format.has_geographic(),
+            &geographic,
+            &mut self.gnss,
+            GEOGRAPHIC,
+        );
+        offer(
+            format.has_geographic_poses(),
+            &poses,
+            &mut self.poses,
+            GEOGRAPHIC_POSES,
+        );
+        match last_error.filter(|_| serves.is_empty()) {
             Some(error) => self.cannot_read(error),
-            None => "nothing".to_owned(),
+            None => serves.join("; "),
         }
+    }
+
+    /// Keeps those of the LAS files with the sensor's pose at every point that follow each other in time, as the strips
+    /// of one sensor do.
+    fn leave_out_other_sensors(&mut self) {
+        self.posed.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        let mut end_s = f64::NEG_INFINITY;
+        let is_next = |(_, [first_s, last_s]): &(PathBuf, [f64; 2])| {
+            let follows = *first_s > end_s;
+            end_s = end_s.max(*last_s);
+            follows
+        };
+        let (kept, others): (Vec<_>, Vec<_>) = self.posed.drain(..).partition(is_next);
+        for (path, _) in others {
+            let first = kept[0].0.display();
+            let why = format!(
+                "it has poses of another sensor at the same time as {first}, and a project has those of one: make a project \
+                 of it in a folder of its own"
+            );
+            self.unread.push(format!("{}: {why}", path.display()));
+            if let Some(file) = self.uses.iter_mut().find(|file| file.path == path) {
+                file.serves = why;
+            }
+        }
+        self.posed = kept;
     }
 }
 
@@ -315,17 +355,16 @@ enum Role {
     Profiles,
     Poses,
     Positions,
-    Geographic,
-    Logs,
+    Log,
     None,
 }
 
 impl Role {
     fn of(format: Format) -> Self {
         match format {
-            _ if format.has_imu() || format.has_heading() => Self::Logs,
+            _ if format.has_imu() || format.has_heading() || format.has_geographic() => Self::Log,
+            _ if format.has_geographic_poses() => Self::Log,
             _ if format.has_positions() => Self::Positions,
-            _ if format.has_geographic() => Self::Geographic,
             _ if format.has_cloud() => Self::Cloud,
             _ if format.has_profiles() => Self::Profiles,
             _ if format.has_poses() => Self::Poses,

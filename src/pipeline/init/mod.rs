@@ -87,7 +87,18 @@ impl SortedFiles {
         let has_scanner = !(self.profiles.is_empty() && self.posed.is_empty());
         let has_positions = !(self.prism.is_empty() && self.gnss.is_empty());
         let poses = self.trajectory_files();
-        if poses.is_empty() || !has_scanner && has_positions && !self.imu.is_empty() {
+        let is_from_logs =
+            poses.is_empty() || !has_scanner && has_positions && !self.imu.is_empty();
+        let positions = self.gnss.first();
+        let mut places = poses
+            .iter()
+            .filter(|_| !is_from_logs)
+            .chain(positions.filter(|_| is_from_logs));
+        if places.any(|path| self.is_geographic(path)) {
+            made.misses("crs");
+            made.text += "# crs =                           # projected system of the world, such as \"EPSG:25832\"\n";
+        }
+        if is_from_logs {
             self.logs(&mut made);
             let what = "poses that could be used instead of these logs";
             list_as_comment(&mut made.text, what, &poses);
@@ -133,31 +144,24 @@ impl SortedFiles {
         made
     }
 
+    /// Whether the places in a file are latitudes and longitudes.
+    fn is_geographic(&self, path: &Path) -> bool {
+        let file = self.uses.iter().find(|file| file.path == path);
+        let format = file.and_then(|file| file.format);
+        format.is_some_and(|format| format.has_geographic() || format.has_geographic_poses())
+    }
+
     /// The files of poses: those of the sensor in LAS, if there are any, since the points belong to these.
     fn trajectory_files(&self) -> Vec<PathBuf> {
         if self.posed.is_empty() {
             return self.poses.clone();
         }
-        self.posed_of_one_sensor()
-    }
-
-    /// The LAS files with the sensor's pose at every point that follow each other in time, as the strips of one sensor do.
-    fn posed_of_one_sensor(&self) -> Vec<PathBuf> {
-        let mut by_time: Vec<&(PathBuf, [f64; 2])> = self.posed.iter().collect();
-        by_time.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-        let mut end_s = f64::NEG_INFINITY;
-        by_time.retain(|(_, [first_s, last_s])| {
-            let follows = *first_s > end_s;
-            end_s = end_s.max(*last_s);
-            follows
-        });
-        by_time.into_iter().map(|(path, _)| path.clone()).collect()
+        self.posed.iter().map(|(path, _)| path.clone()).collect()
     }
 
     /// The scanner of LAS with the sensor's pose at every point.
     fn posed_scanner(&self, made: &mut NewProject, names: &mut Vec<String>) {
-        let files = self.posed_of_one_sensor();
-        let Some(first) = files.first() else {
+        let Some((first, _)) = self.posed.first() else {
             return;
         };
         let name = free_name(&scanner_name(first), names);
@@ -167,18 +171,9 @@ impl SortedFiles {
              # the poses of the file are those of the scanner itself\n\
              translation_m = [0.0, 0.0, 0.0]\nrotation_deg = [0.0, 0.0, 0.0]\n",
             quoted(&name),
-            list_of(&files)
+            list_of(&self.trajectory_files())
         );
         names.push(name);
-        let others = self.posed.iter().filter(|(path, _)| !files.contains(path));
-        made.unread.extend(others.map(|(path, _)| {
-            format!(
-                "{}: it has poses of another sensor at the same time as {}, and a project has those of one: make a project \
-                 of it in a folder of its own",
-                path.display(),
-                first.display()
-            )
-        }));
     }
 
     fn logs(&self, made: &mut NewProject) {

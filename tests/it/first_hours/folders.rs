@@ -193,6 +193,44 @@ fn logs_and_trajectories_without_a_scanner_are_no_error() {
     assert!(matches!(project.motion, Motion::Poses(_)));
 }
 
+/// A log of a receiver with its own inertial sensor: NovAtel's example of poses, and positions of the same receiver.
+const NOVATEL: &str = "#INSPVAXA,USB1,0,65.5,FINESTEERING,2209,490782.000,02000020,46eb,16809;INS_SOLUTION_GOOD,INS_PPP,\
+    51.15043710672,-114.03067871892,1097.3598,-17.0001,-0.0016,0.0002,0.0029,-0.308665944,0.297893298,157.960833016,0.1816,\
+    0.1816,0.1808,0.0018,0.0018,0.0016,0.0292,0.0292,0.0582,13000045,0*a74644a2\n\
+    #BESTGNSSPOSA,USB1,0,65.0,FINESTEERING,2209,487877.000,02000020,c292,16809;SOL_COMPUTED,PPP,51.15043712234,\
+    -114.03067870773,1097.3556,-17.0001,WGS84,0.0176,0.0123,0.0317,\"TSTR\",17.000,0.000,42,38,38,37,00,00,3f,37*5fea7d4b\n";
+
+#[test]
+fn a_log_is_offered_for_all_that_it_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("span.txt", NOVATEL);
+    write("profiles.csv", "time_s,x_m,z_m\n0,0.1,1.0\n0,0.2,1.0\n");
+    write("broken.csv", "time_s,heading_deg\n0,north\n");
+    let made = init(folder.path());
+    assert_eq!(made.code, 0, "{}", made.err);
+    let uses = "span.txt: latitudes and longitudes of an antenna: [gnss], with frame.crs; poses with latitudes and \
+                longitudes: [trajectory], with frame.crs; 1 rows";
+    assert!(made.out.contains(uses), "{}", made.out);
+    let missing =
+        "Fill in the values that the files do not give: crs, translation_m, rotation_deg.";
+    assert!(made.out.contains(missing), "{}", made.out);
+    // What is wrong with a file is said once.
+    assert_eq!(made.out.matches("north").count(), 1, "{}", made.out);
+    let project = folder.path().join("project.toml");
+    let text = fs::read_to_string(&project).unwrap();
+    assert!(text.contains("[trajectory]\nfile = \"span.txt\""), "{text}");
+    assert!(text.contains("be estimated instead: span.txt"), "{text}");
+    // The advice is enough for the project to be read.
+    rewrite(&project, |text| {
+        let text = text.replace("# crs =     ", "crs = \"EPSG:32611\" ");
+        let text = text.replace("# translation_m =  ", "translation_m = [0, 0, 0] ");
+        text.replace("# rotation_deg =  ", "rotation_deg = [0, 0, 0] ")
+    });
+    let project = Project::read(&project).unwrap();
+    assert!(project.crs.is_some() && matches!(project.motion, Motion::Poses(_)));
+}
+
 #[test]
 fn a_log_with_an_unknown_header_is_not_the_reference() {
     let (_temp, drive) = simulated();

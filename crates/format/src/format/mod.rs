@@ -71,8 +71,9 @@ pub use profiles::gocator_stream;
 pub use profiles::reader::ProfileReader;
 pub use profiles::table::write_profiles;
 pub use read::{
-    crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_heading, read_imu,
-    read_positions, read_projected_positions, read_projected_trajectory, read_trajectory, unit_m,
+    crs_wkt, describe_frame, open_profiles, open_profiles_on, read_cloud, read_geographic,
+    read_geographic_poses, read_heading, read_imu, read_positions, read_projected_positions,
+    read_projected_trajectory, read_trajectory, unit_m,
 };
 pub use recorded::{
     Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,

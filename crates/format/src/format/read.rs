@@ -23,8 +23,8 @@ use crate::format::profiles::table as profile;
 use crate::format::text::civil::adjusted_gps_from_unix_s;
 use crate::geometry::{BodyAxes, Projection, Vec3};
 use crate::sensor::{
-    HeadingFix, ImuSample, Observations, PoseRecord, Positions, ScanPoint, Timed, project_fixes,
-    project_poses,
+    GeographicFix, GeographicPose, HeadingFix, ImuSample, Observations, PoseRecord, Positions,
+    ScanPoint, Timed, project_fixes, project_poses,
 };
 
 /// The reader that `select` chooses from the format of a file. A text table with other columns, or a file of an
@@ -146,9 +146,7 @@ pub fn read_trajectory(input: impl Into<Input>) -> Result<Vec<PoseRecord>> {
 
 /// Refuses poses with latitudes and longitudes, which need a projection. Damage to the file is reported first.
 fn refuse_geographic(input: &Input) -> Result<Vec<PoseRecord>> {
-    if let Some(read) = detect(input)?.0.geographic_poses {
-        read(input)?;
-    }
+    read_geographic_poses(input)?;
     Err(unprojected(input.path()))
 }
 
@@ -161,6 +159,39 @@ fn checked(input: &Input, poses: Vec<PoseRecord>) -> Result<Vec<PoseRecord>> {
     Ok(poses)
 }
 
+/// Reads the positions of a log with latitudes and longitudes, in the order of the file.
+///
+/// # Errors
+/// A file of another format, and errors of the format's reader.
+pub fn read_geographic(input: impl Into<Input>) -> Result<Vec<GeographicFix>> {
+    let input = &input.into();
+    let select = |kind: &Kind| kind.geographic;
+    let mut fixes = reader(
+        input,
+        "latitudes and longitudes",
+        select,
+        &positions::POSITION_TABLE,
+    )?(input)?;
+    put_on_common_time(input, &mut fixes)?;
+    check_times(input, &fixes)?;
+    Ok(fixes)
+}
+
+/// Reads poses with latitudes and longitudes, in the order of the file.
+///
+/// # Errors
+/// A file of another format, and errors of the format's reader.
+pub fn read_geographic_poses(input: impl Into<Input>) -> Result<Vec<GeographicPose>> {
+    let input = &input.into();
+    let what = "poses with latitudes and longitudes";
+    reader(
+        input,
+        what,
+        |kind| kind.geographic_poses,
+        &pose_table::POSE_TABLE,
+    )?(input)
+}
+
 /// Reads a position log like [`read_positions`], and projects geographic positions.
 ///
 /// # Errors
@@ -171,16 +202,12 @@ pub fn read_projected_positions(
     crs: Option<&Projection>,
 ) -> Result<Positions> {
     let input = &input.into();
-    let geographic = match detect(input) {
-        Ok(Format(kind)) if kind.positions.is_none() => kind.geographic,
-        _ => None,
-    };
-    let Some(reader) = geographic else {
+    let is_geographic = |format: Format| format.has_geographic() && !format.has_positions();
+    if !detect(input).is_ok_and(is_geographic) {
         return read_positions(input, observations);
-    };
+    }
     let crs = crs.ok_or_else(|| unprojected(input.path()))?;
-    let mut geographic = reader(input)?;
-    put_on_common_time(input, &mut geographic)?;
+    let geographic = read_geographic(input)?;
     let fixes = project_fixes(&geographic, crs).map_err(|error| of_file(error, input))?;
     let qualities = geographic.iter().map(|fix| fix.quality);
     Ok(Positions {
@@ -201,12 +228,14 @@ pub fn read_projected_trajectory(
 ) -> Result<Vec<PoseRecord>> {
     let input = &input.into();
     let format = detect(input).ok();
-    let mut poses = match (format.and_then(|format| format.0.geographic_poses), crs) {
-        (Some(read), Some(crs)) => {
-            let poses = project_poses(&read(input)?, crs).map_err(|e| of_file(e, input))?;
+    let is_geographic = format.is_some_and(Format::has_geographic_poses);
+    let mut poses = match crs.filter(|_| is_geographic) {
+        Some(crs) => {
+            let poses = read_geographic_poses(input)?;
+            let poses = project_poses(&poses, crs).map_err(|e| of_file(e, input))?;
             checked(input, in_time_order(input, poses)?)?
         }
-        _ => read_trajectory(input)?,
+        None => read_trajectory(input)?,
     };
     if format.is_some_and(Format::has_navigation_angles) {
         for pose in &mut poses {
