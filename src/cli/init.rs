@@ -39,23 +39,30 @@ impl Init {
         } = pipeline::init(&self.folder)?;
         write_whole(&path, text.as_bytes())?;
         let mut lines: Vec<String> = files.iter().map(ToString::to_string).collect();
+        let file = path.display();
+        if is_trajectory_only {
+            lines.push(
+                "No file is a recording of a scanner: these give a trajectory, and no mounting."
+                    .to_owned(),
+            );
+        }
         lines.push(match (missing.is_empty(), Project::read(&path)) {
             (false, _) => format!(
-                "Fill in the values that the files do not give: {}.",
-                missing.join(", ")
+                "Fill in what the files do not say, in {file}: {}.",
+                missing.join("; ")
             ),
             (true, Ok(_)) => "Everything that a run needs was found.".to_owned(),
             (true, Err(error)) => format!("To be corrected by hand: {error}"),
         });
-        let file = path.display();
-        lines.push(if is_trajectory_only {
-            format!(
-                "No file is a recording of a scanner. With the other values, these logs give a trajectory: boresight \
-                 trajectory {file}"
-            )
+        lines.push(format!(
+            "Next, see what a run will find: boresight inspect {file}"
+        ));
+        let command = if is_trajectory_only {
+            "trajectory"
         } else {
-            format!("Next, see what a run will find: boresight inspect {file}")
-        });
+            "run"
+        };
+        lines.push(format!("Then: boresight {command} {file}"));
         let listed: Vec<Value> = files.iter().map(document).collect();
         Ok(Outcome {
             result: json!({ "project": path.display().to_string(), "missing": missing, "unread": unread,

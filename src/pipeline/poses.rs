@@ -26,8 +26,8 @@ use crate::verdict::{Severity, Verdict};
 const JOINT_STEP_S: f64 = 0.25;
 
 /// Warning for poses without standard deviations.
-const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: the standard deviations of \
-     the mounting assume exact poses and are too small";
+const POSES_WITHOUT_SIGMA: &str = "the poses have no standard deviations: those of the mounting assume \
+     exact poses and are too small; give sigma_position_m and sigma_rotation_deg in [trajectory]";
 
 /// The trajectory of the body, estimated or read.
 #[derive(Debug)]

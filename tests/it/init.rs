@@ -82,7 +82,7 @@ fn a_project_of_a_folder_of_logs_lacks_only_the_values_that_files_do_not_contain
     assert_eq!(made.code, 0, "{}", made.err);
     assert!(
         made.out
-            .contains("lever_arm_m, translation_m, rotation_deg"),
+            .contains("lever_arm_m; translation_m; rotation_deg"),
         "{}",
         made.out
     );

@@ -79,11 +79,13 @@ pub(super) fn project(project: &Project) -> String {
         lines.file("file", &reference.path);
         joint::describe_reference(&mut lines, project);
     }
-    describe_calibration(&mut lines, project);
-    if project.is_joint {
-        joint::describe(&mut lines, project);
+    if !(project.scanners.is_empty() && project.reference.is_none()) {
+        describe_calibration(&mut lines, project);
+        if project.is_joint {
+            joint::describe(&mut lines, project);
+        }
+        describe_comparison(&mut lines, &project.comparison);
     }
-    describe_comparison(&mut lines, &project.comparison);
     for (kind, drives) in [
         ("drive", &project.drives),
         ("evaluation", &project.evaluations),

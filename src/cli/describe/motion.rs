@@ -204,7 +204,7 @@ pub(super) fn describe_poses(lines: &mut Lines, poses: &PosesFile, correlation_s
     }
     lines.offset(poses.time_offset_s);
     let else_unknown = |sigma: Option<String>| {
-        sigma.map_or("from the file".to_owned(), |sigma| {
+        sigma.map_or("from the file, if it has them".to_owned(), |sigma| {
             format!("{sigma} if the file has none")
         })
     };

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Problem, Result};
-use crate::format::{self, Format, Input};
+use crate::format::{self, Format, Input, utc};
 use crate::geometry::BodyFromScanner;
 
 /// Depth of the subfolders that are searched.
@@ -44,7 +44,10 @@ impl fmt::Display for FileUse {
             write!(f, "; {count} rows")?;
         }
         match self.span_s {
-            Some([first_s, last_s]) => write!(f, ", {first_s:.1} s to {last_s:.1} s"),
+            Some([first_s, last_s]) => match (utc(first_s), utc(last_s)) {
+                (Some(first), Some(last)) => write!(f, ", {first} to {last} UTC"),
+                _ => write!(f, ", {first_s:.1} s to {last_s:.1} s"),
+            },
             None => Ok(()),
         }
     }
@@ -150,7 +153,7 @@ impl SortedFiles {
         match format::detect(input) {
             Err(error) => {
                 self.unknown.push(path);
-                found.serves = format!("nothing: {}", one_line(&error));
+                found.serves = nothing(&error, file);
             }
             Ok(format) => {
                 found.format = Some(format);
@@ -165,14 +168,14 @@ impl SortedFiles {
                     found.span_s = inspection.span_s;
                 }
                 found.serves = match (inspection, format.id()) {
-                    (Some(Err(error)), _) => self.cannot_read(error),
+                    (Some(Err(error)), _) => self.cannot_read(error, input.path()),
                     (_, "project") => "a project file, not data".to_owned(),
                     (_, "bonn-mounting") => match format::read_mounting(input) {
                         Ok(mounting) => {
                             self.mountings.push((path, mounting));
                             "the mounting of a scanner".to_owned()
                         }
-                        Err(error) => self.cannot_read(error),
+                        Err(error) => self.cannot_read(error, input.path()),
                     },
                     (Some(Ok(inspection)), "ros-bag") => {
                         let topics = inspection.notes.join("; ");
@@ -186,8 +189,8 @@ impl SortedFiles {
         self.uses.push(found);
     }
 
-    fn cannot_read(&mut self, error: Error) -> String {
-        let why = format!("nothing: {}", one_line(&error));
+    fn cannot_read(&mut self, error: Error, file: &Path) -> String {
+        let why = nothing(&error, file);
         self.unread.push(error.to_string());
         why
     }
@@ -206,8 +209,8 @@ impl SortedFiles {
             Role::Cloud if is_log(input.path()) => (
                 &mut self.unknown,
                 "nothing yet: it begins with a time that increases from row to row, as a log does, and its header is \
-                 not known; name the columns of positions time_s, east_m, north_m, up_m. A cloud may be named in \
-                 [reference]",
+                 not known; name the columns of positions time_s, east_m, north_m, up_m, and call init --force. A \
+                 cloud may be named in [reference]",
             ),
             Role::Cloud => (
                 &mut self.clouds,
@@ -265,7 +268,7 @@ impl SortedFiles {
             GEOGRAPHIC_POSES,
         );
         match last_error.filter(|_| serves.is_empty()) {
-            Some(error) => self.cannot_read(error),
+            Some(error) => self.cannot_read(error, input.path()),
             None => serves.join("; "),
         }
     }
@@ -277,7 +280,9 @@ impl SortedFiles {
         let mut end_s = f64::NEG_INFINITY;
         let is_next = |(_, [first_s, last_s]): &(PathBuf, [f64; 2])| {
             let follows = *first_s > end_s;
-            end_s = end_s.max(*last_s);
+            if follows {
+                end_s = *last_s;
+            }
             follows
         };
         let (kept, others): (Vec<_>, Vec<_>) = self.posed.drain(..).partition(is_next);
@@ -305,9 +310,14 @@ fn posed_span_s(input: &Input, format: Format) -> Option<[f64; 2]> {
     Some([poses.first()?.time_s, poses.last()?.time_s])
 }
 
-/// An error in one line.
-fn one_line(error: &Error) -> String {
-    error.to_string().replace('\n', " ")
+/// What a file with this error serves as: the error in one line, without the path before which it stands.
+fn nothing(error: &Error, file: &Path) -> String {
+    let text = error.to_string().replace('\n', " ");
+    let path = file.display().to_string();
+    let rest = text
+        .strip_prefix(&path)
+        .map(|rest| rest.trim_start_matches([',', ':', ' ']));
+    format!("nothing: {}", rest.unwrap_or(&text))
 }
 
 /// Whether a table that was taken for a cloud looks like a log: it has a header, and the first column, which is not a

@@ -123,8 +123,10 @@ impl SortedFiles {
         }
         self.posed_scanner(&mut made, &mut names);
         if !has_scanner {
-            made.misses("[[scanner]]");
             made.is_trajectory_only = self.recordings.is_empty();
+            if !made.is_trajectory_only {
+                made.misses("[[scanner]]");
+            }
         }
         for (path, topics) in &self.recordings {
             made.text += &format!(

@@ -11,6 +11,7 @@ use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::project::{Motion, Project, mountings};
 use boresight::trajectory::Trajectory;
 
+use super::transcript::replay;
 use crate::common::{Run, boresight, names, rewrite, simulated};
 
 fn init(folder: &Path) -> Run {
@@ -44,28 +45,7 @@ fn a_euroc_folder_gives_a_trajectory_with_nothing_but_the_advice_of_the_terminal
     let (temp, drive) = simulated();
     let folder = temp.path().join("MH_01");
     write_euroc(&drive, &folder);
-    let made = init(&folder);
-    assert_eq!(made.code, 0, "{}", made.err);
-    for line in [
-        "mav0/imu0/data.csv: the samples of an IMU: [imu]",
-        "mav0/leica0/data.csv: the positions of a prism: [prism]",
-        "mav0/imu0/sensor.yaml: nothing: ",
-        "Fill in the values that the files do not give: lever_arm_m, [[scanner]].",
-        "No file is a recording of a scanner.",
-    ] {
-        assert!(made.out.contains(line), "{line}: {}", made.out);
-    }
-    let advice = made
-        .out
-        .lines()
-        .find_map(|line| line.split_once("boresight trajectory "));
-    let project = Path::new(advice.unwrap().1);
-    // The lever arm is the value to fill in.
-    rewrite(project, |text| {
-        text.replace("# lever_arm_m =  ", "lever_arm_m = [0.1, 0.05, -0.55] ")
-    });
-    let run = boresight(&["trajectory", project.to_str().unwrap()]);
-    assert_eq!(run.code, 0, "{}", run.err);
+    replay("euroc.txt", temp.path());
     let written = names(&folder.join("out"));
     assert!(
         written.contains(&"trajectory.csv".to_owned()),
@@ -132,26 +112,7 @@ fn las_with_the_pose_of_the_sensor_is_a_whole_project() {
     write_posed(&drive, 0, &folder.join("b.las"), |time_s| time_s >= 36030.0);
     write_posed(&drive, 1, &folder.join("c.las"), |_| true);
     fs::copy(drive.join("../tls.laz"), folder.join("tls.laz")).unwrap();
-    let made = init(&folder);
-    assert_eq!(made.code, 0, "{}", made.err);
-    for line in [
-        "a.las: profiles and poses, [[scanner]] and [trajectory]",
-        "Everything that a run needs was found.",
-        "c.las: it has poses of another sensor at the same time as a.las",
-    ] {
-        assert!(made.out.contains(line), "{line}: {}", made.out);
-    }
-    let advice = made
-        .out
-        .lines()
-        .find_map(|line| line.split_once("boresight inspect "));
-    let project = advice.unwrap().1;
-    let looked = boresight(&["inspect", project]);
-    assert_eq!(looked.code, 0, "{}", looked.err);
-    assert!(!looked.out.contains("result: not usable"), "{}", looked.out);
-    assert!(looked.out.contains("scanner a"), "{}", looked.out);
-    let run = boresight(&["run", project]);
-    assert_eq!(run.code, 0, "{}", run.err);
+    replay("las.txt", temp.path());
     let mounted = mountings(&folder.join("out/calibration.toml"))
         .unwrap()
         .scanners;
@@ -171,7 +132,7 @@ fn logs_and_trajectories_without_a_scanner_are_no_error() {
         "lever_arm_m",
         "station_m",
         "[imu], or [trajectory]",
-        "[[scanner]]",
+        "No file is a recording of a scanner",
     ] {
         assert!(made.out.contains(key), "{key}: {}", made.out);
     }
@@ -212,8 +173,7 @@ fn a_log_is_offered_for_all_that_it_holds() {
     let uses = "span.txt: latitudes and longitudes of an antenna: [gnss], with frame.crs; poses with latitudes and \
                 longitudes: [trajectory], with frame.crs; 1 rows";
     assert!(made.out.contains(uses), "{}", made.out);
-    let missing =
-        "Fill in the values that the files do not give: crs, translation_m, rotation_deg.";
+    let missing = "project.toml: crs; translation_m; rotation_deg.";
     assert!(made.out.contains(missing), "{}", made.out);
     // What is wrong with a file is said once.
     assert_eq!(made.out.matches("north").count(), 1, "{}", made.out);
@@ -244,7 +204,7 @@ fn a_log_with_an_unknown_header_is_not_the_reference() {
     let made = init(&drive);
     assert_eq!(made.code, 0, "{}", made.err);
     let advice = "prism.csv: nothing yet: it begins with a time that increases from row to row, as a log does, and its \
-                  header is not known; name the columns of positions time_s, east_m, north_m, up_m.";
+                  header is not known; name the columns of positions time_s, east_m, north_m, up_m, and call init --force.";
     assert!(made.out.contains(advice), "{}", made.out);
     let text = fs::read_to_string(drive.join("project.toml")).unwrap();
     assert!(!text.contains("[reference]"), "{text}");

@@ -3,4 +3,5 @@
 mod ended_early;
 mod folders;
 mod preview;
+mod transcript;
 mod utm;

@@ -8,9 +8,8 @@ use boresight::geometry::Vec3;
 use boresight::project::mountings;
 use serde_json::{Value, json};
 
-use crate::common::{
-    boresight, change_project, names, on_project, rewrite, rewrite_project, simulated,
-};
+use super::transcript::replay;
+use crate::common::{change_project, names, on_project, rewrite, rewrite_project, simulated};
 
 /// UTM zone 32, near Bonn.
 const SHIFT_M: [f64; 3] = [350_000.0, 5_600_000.0, 60.0];
@@ -141,77 +140,19 @@ fn each_command_chooses_an_origin_and_clouds_follow_the_data_of_any_origin() {
     );
 }
 
-/// Puts the values of a project into the commented keys of a new one, in their order.
-fn fill_in(new: &Path, values: &str) {
-    rewrite(new, |text| {
-        let mut text = text.to_owned();
-        for key in [
-            "lever_arm_m",
-            "translation_m",
-            "rotation_deg",
-            "rotation_convention",
-        ] {
-            let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-            let mut given = values.lines().filter(|line| line.starts_with(key));
-            let empty = format!("# {key} =");
-            for line in lines.iter_mut().filter(|line| line.starts_with(&empty)) {
-                *line = given.next().unwrap().to_owned();
-            }
-            text = lines.join("\n");
-        }
-        text
-    });
-}
-
 #[test]
 fn logs_in_utm_with_foreign_headers_reach_a_result_by_the_advice_of_the_terminal() {
     let (_temp, drive) = simulated();
-    let by_tape = fs::read_to_string(drive.join("project.toml")).unwrap();
     fs::remove_file(drive.join("project.toml")).unwrap();
-    let prism = drive.join("prism.csv");
-    to_utm(&prism);
+    to_utm(&drive.join("prism.csv"));
     let [known, foreign] = [
         "time_s,east_m,north_m,up_m",
         "Zeit,Rechtswert,Hochwert,Hoehe",
     ];
-    rewrite(&prism, |text| text.replace(known, foreign));
-    let init = |more: &[&str]| boresight(&[&["init", drive.to_str().unwrap()], more].concat());
-    let made = init(&[]);
-    assert_eq!(made.code, 0, "{}", made.err);
-    let advice = made
-        .out
-        .lines()
-        .find(|line| line.starts_with("prism.csv: nothing yet"));
-    let (_, advice) = advice
-        .unwrap()
-        .split_once("name the columns of positions ")
-        .unwrap();
-    let columns = advice.split(". ").next().unwrap().replace(' ', "");
-    rewrite(&prism, |text| text.replace(foreign, &columns));
-    let made = init(&["--force"]);
-    let missing =
-        "Fill in the values that the files do not give: lever_arm_m, translation_m, rotation_deg.";
-    assert!(made.out.contains(missing), "{}", made.out);
-    let next = made
-        .out
-        .lines()
-        .find_map(|line| line.split_once("boresight inspect "));
-    let project = next.unwrap().1.to_owned();
-    fill_in(Path::new(&project), &by_tape);
-    let looked = boresight(&["inspect", &project]);
-    assert!(
-        looked.out.starts_with("result: usable"),
-        "{}{}",
-        looked.out,
-        looked.err
-    );
-    assert!(
-        looked.out.contains("the project states no origin"),
-        "{}",
-        looked.out
-    );
-    let run = boresight(&["run", &project]);
-    assert_eq!(run.code, 0, "{}", run.err);
+    rewrite(&drive.join("prism.csv"), |text| {
+        text.replace(known, foreign)
+    });
+    replay("utm.txt", drive.parent().unwrap());
     assert_in_utm(&drive.join("out/cloud-left.laz"));
     assert!(drive.join("out/calibration.toml").is_file());
 }
