@@ -1,6 +1,6 @@
 //! Georeferenced clouds: streamed to files, with a sample of the points for comparison.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::job::Job;
 use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
@@ -166,9 +166,43 @@ pub fn into_files<'a>(
     let middle_m = box_of(places).map_or_else(Vec3::zeros, |(low, high)| (low + high) / 2.0);
     let offset_m = project.origin_m + middle_m;
     Box::new(move |index, shape| {
-        let writer = CloudWriter::around(&files[index], offset_m, shape)?;
-        Ok(Box::new(writer))
+        Ok(Box::new(WholeFile {
+            path: &files[index],
+            writer: Some(CloudWriter::around(&files[index], offset_m, shape)?),
+            is_complete: false,
+        }))
     })
+}
+
+/// A cloud file that is removed unless it is completed.
+struct WholeFile<'a> {
+    path: &'a Path,
+    /// `None` when the file is finished.
+    writer: Option<CloudWriter>,
+    is_complete: bool,
+}
+
+impl CloudSink for WholeFile<'_> {
+    fn push(&mut self, point: &CloudPoint<'_>) -> Result<()> {
+        self.writer
+            .as_mut()
+            .map_or(Ok(()), |writer| writer.push(point))
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.writer.take().map_or(Ok(()), CloudWriter::finish)?;
+        self.is_complete = true;
+        Ok(())
+    }
+}
+
+impl Drop for WholeFile<'_> {
+    fn drop(&mut self) {
+        if !self.is_complete {
+            // Nothing more can be done for a file that cannot be removed.
+            let _ = std::fs::remove_file(self.path);
+        }
+    }
 }
 
 /// Reads all profiles of the project once and takes an even sample of each scanner's points. With `open`, all points

@@ -12,7 +12,7 @@ use super::origin::with_origin;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
 use super::rig::Rig;
-use super::{clouds, drives, stages};
+use super::{clouds, drives, stages, unfinished};
 use crate::comparison::Agreements;
 use crate::error::{Error, Location, Result};
 use crate::judgement;
@@ -169,7 +169,14 @@ pub fn georeference(
         rig,
         bending: &bending,
     };
-    clouds::write(project, &poses.trajectory, mounted, &mut job)?;
+    if let Err(error) = clouds::write(project, &poses.trajectory, mounted, &mut job) {
+        let results = unfinished::Results {
+            out: &options.out,
+            names: &names,
+            progress,
+        };
+        return Err(results.of_clouds(error, job));
+    }
     job.commit()?;
     let files = files_in(&options.out, names);
     let marked = placement

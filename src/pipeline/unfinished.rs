@@ -62,7 +62,20 @@ impl Results<'_> {
         shown(findings, error, self.progress)
     }
 
+    /// Keeps the clouds of a placement that failed for one of several scanners; returns the error with which it failed.
+    pub fn of_clouds(&self, error: Error, job: Job<'_>) -> Error {
+        if matches!(error, Error::Cancelled) {
+            return error;
+        }
+        self.keep_with(Ok(()), error, job, "")
+    }
+
     fn keep(&self, written: Result<()>, error: Error, job: Job<'_>) -> Error {
+        self.keep_with(written, error, job, "; the same command goes on from there")
+    }
+
+    /// Keeps what is written, and names it together with what happens `next`.
+    fn keep_with(&self, written: Result<()>, error: Error, job: Job<'_>, next: &str) -> Error {
         let written_names = job.written(self.names);
         let kept = written.and(job.commit_unfinished());
         let folder = self.out.display();
@@ -70,7 +83,7 @@ impl Results<'_> {
         let names: Vec<&str> = written_names.iter().filter(is_there).copied().collect();
         if !names.is_empty() {
             self.progress.warn(&format!(
-                "what the run computed before is in {folder}: {}; the same command goes on from there",
+                "what the run computed before is in {folder}: {}{next}",
                 names.join(", ")
             ));
         }

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use boresight::pipeline::{self, Options};
+use boresight::format::read_cloud;
+use boresight::pipeline::{self, Options, Placement};
 use boresight::progress::{Progress, Silent};
 use boresight::project::{Project, mountings};
 use serde_json::Value;
@@ -175,6 +176,44 @@ fn a_folder_in_the_place_of_a_result_keeps_back_nothing_else() {
         }
         assert_eq!(results(&out), expected, "{name}");
     }
+}
+
+#[test]
+fn a_scanner_that_cannot_be_placed_keeps_back_no_other_cloud() {
+    let (_temp, drive) = simulated();
+    let out = drive.join("out");
+    let rows = (0..2000).map(|i| format!("{},0.1,1.0\n", 36_010.0 + 0.01 * f64::from(i)));
+    let rows: String = rows.collect();
+    fs::write(
+        drive.join("right.csv"),
+        format!("time_s,x_m,z_m\n{rows}36030.0,wide,1.0\n"),
+    )
+    .unwrap();
+    rewrite_project(&drive, |text| text.replace("right.bin", "right.csv"));
+    let run = on_project(&drive, "georeference", &[]);
+    let kept = "what the run computed before is in ";
+    run.assert_failed_with(&["right.csv, line 2002", "wide", kept, "cloud-left.laz"]);
+    assert!(!run.err.contains("goes on from there"), "{}", run.err);
+    assert_eq!(results(&out), ["cloud-left.laz"]);
+    let whole = read_cloud(&out.join("cloud-left.laz")).unwrap();
+    assert!(whole.points.len() > 10_000, "{}", whole.points.len());
+
+    // A cloud of an earlier run is not taken for one of this.
+    rewrite_project(&drive, |text| text.replace("right.csv", "right.bin"));
+    assert_eq!(on_project(&drive, "georeference", &[]).code, 0);
+    let project = Project::read(&drive.join("project.toml")).unwrap();
+    let obstacles = Obstacles::new("georeferencing", &["cloud-right.laz"], &out);
+    let placement = Placement::new(&project, None, None).unwrap();
+    let error = pipeline::georeference(&placement, &options(&out), &obstacles).unwrap_err();
+    assert!(error.to_string().contains("cloud-right.laz"), "{error}");
+    let warned = obstacles.warned();
+    for expected in [
+        &format!("{kept}{}: cloud-left.laz", out.display()),
+        "of an earlier run, and not of this one",
+    ] {
+        assert!(warned.contains(expected), "{expected}: {warned}");
+    }
+    assert_eq!(results(&out), ["cloud-left.laz", "cloud-right.laz"]);
 }
 
 #[test]
