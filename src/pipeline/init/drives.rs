@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::files::SortedFiles;
+use super::turning::Turning;
 use crate::error::{Error, Result};
+use crate::format::Input;
 
 /// Files that were recorded at the same time.
 struct Group<'a> {
@@ -12,15 +14,20 @@ struct Group<'a> {
     files: Vec<&'a Path>,
 }
 
-/// Checks that the profiles are those of one drive: those of several drives would become as many scanners.
+/// Checks that the files are those of one drive: the profiles of several would become as many scanners, on the poses of one.
 ///
 /// # Errors
 /// Two drives or more.
 pub fn check(folder: &Path, files: &SortedFiles, name_of: impl Fn(&Path) -> String) -> Result<()> {
-    let drives = match by_time(files) {
-        drives if drives.len() > 1 => drives,
-        _ => by_folder(files, name_of),
-    };
+    let mut drives = by_time(files);
+    let mut why = "";
+    if drives.len() < 2 {
+        drives = by_folder(files, name_of);
+    }
+    if drives.len() < 2 {
+        drives = by_turning(folder, files);
+        why = ", which turn differently at the same times";
+    }
     if drives.len() < 2 {
         return Ok(());
     }
@@ -48,7 +55,7 @@ pub fn check(folder: &Path, files: &SortedFiles, name_of: impl Fn(&Path) -> Stri
     };
     Err(Error::data(
         format!(
-            "{} holds the files of {} drives: {}",
+            "{} holds the files of {} drives: {}{why}",
             folder.display(),
             drives.len(),
             listed.join("; ")
@@ -112,6 +119,29 @@ fn by_folder(files: &SortedFiles, name_of: impl Fn(&Path) -> String) -> Vec<Vec<
         inside.map(PathBuf::as_path).collect()
     };
     tops.into_iter().map(of).collect()
+}
+
+/// The drives by the rates at which they turn: logs of an IMU or poses of the same times, as the time of the day and times
+/// that start at 0 are in every drive.
+fn by_turning<'a>(folder: &Path, files: &'a SortedFiles) -> Vec<Vec<&'a Path>> {
+    let logs: Vec<&PathBuf> = files.imu.iter().chain(&files.poses).collect();
+    if logs.len() < 2 {
+        return Vec::new();
+    }
+    let mut drives: Vec<(Turning, Vec<&Path>)> = Vec::new();
+    for path in logs {
+        let Some(turning) = Turning::of(&Input::from(&folder.join(path))) else {
+            continue;
+        };
+        match drives
+            .iter_mut()
+            .find(|(first, _)| !first.differs_from(&turning))
+        {
+            Some((_, paths)) => paths.push(path),
+            None => drives.push((turning, vec![path])),
+        }
+    }
+    drives.into_iter().map(|(_, paths)| paths).collect()
 }
 
 /// The first folder of a relative path; empty for a file.

@@ -2,6 +2,7 @@
 
 mod drives;
 mod files;
+mod turning;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -288,6 +288,68 @@ fn two_drives_in_one_folder_are_not_four_scanners() {
     ]);
 }
 
+/// Moves the rows of a log in time, so that those after a time come first, and lets the times start at 0.
+fn write_shifted(log: &Path, split: usize, to: &Path) {
+    let text = fs::read_to_string(log).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let rows: Vec<(&str, &str)> = rows
+        .lines()
+        .map(|row| row.split_once(',').unwrap())
+        .collect();
+    let split = split % rows.len();
+    let values = rows[split..].iter().chain(&rows[..split]).map(|row| row.1);
+    let mut shifted = format!("{header}\n");
+    let start_s: f64 = rows[0].0.parse().unwrap();
+    for ((time_s, _), values) in rows.iter().zip(values) {
+        let time_s = time_s.parse::<f64>().unwrap() - start_s;
+        let _ = writeln!(shifted, "{time_s:.3},{values}");
+    }
+    fs::write(to, shifted).unwrap();
+}
+
+#[test]
+fn drives_with_the_same_times_are_told_by_how_they_turn() {
+    let (temp, drive) = simulated();
+    let folder = temp.path().join("both");
+    for (run, split) in [("first", 0), ("second", 1500)] {
+        fs::create_dir_all(folder.join(run)).unwrap();
+        for log in ["imu.csv", "prism.csv"] {
+            write_shifted(&drive.join(log), split, &folder.join(run).join(log));
+        }
+        let rows = (0..100).map(|i| format!("{},0.1,1.0\n", 10.0 + 0.1 * f64::from(i)));
+        let rows: String = rows.collect();
+        let profiles = folder.join(run).join(format!("scan-{run}.csv"));
+        fs::write(profiles, format!("time_s,x_m,z_m\n{rows}")).unwrap();
+    }
+    let run = init(&folder);
+    let [first, second] =
+        ["first", "second"].map(|run| format!("boresight init {}", folder.join(run).display()));
+    let problem = "holds the files of 2 drives: first/imu.csv; second/imu.csv, which turn differently at the same times";
+    run.assert_failed_with(&[problem, &first, &second]);
+    assert_eq!(init(&folder.join("first")).code, 0);
+
+    // Another log of the same IMU is no other drive.
+    fs::copy(
+        folder.join("first/imu.csv"),
+        folder.join("first/export.csv"),
+    )
+    .unwrap();
+    let again = boresight(&["init", "--force", folder.join("first").to_str().unwrap()]);
+    assert_eq!(again.code, 0, "{}", again.err);
+    // All files in one folder.
+    fs::rename(
+        folder.join("second/imu.csv"),
+        folder.join("first/second.csv"),
+    )
+    .unwrap();
+    let flat = boresight(&["init", "--force", folder.join("first").to_str().unwrap()]);
+    let problem = "2 drives: export.csv, imu.csv; second.csv, which turn differently";
+    flat.assert_failed_with(&[
+        problem,
+        "move the files of each drive into a folder of its own",
+    ]);
+}
+
 #[test]
 fn inspect_lists_the_files_of_a_folder() {
     let (_temp, drive) = simulated();

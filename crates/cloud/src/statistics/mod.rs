@@ -15,6 +15,6 @@ pub use normal::{
     CHI_SQUARE_1_MEDIAN, NORMAL_97_5, NORMAL_97_5_ROUNDED, SIGMAS_PER_MAD, chi_square,
     chi_square_bounds_95,
 };
-pub use sample::{mean, median, quantile, quartile, rms};
+pub use sample::{correlation, mean, median, quantile, quartile, rms};
 pub use series::Series;
 pub use student::student_97_5;

@@ -12,6 +12,23 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     (sum / count).sqrt()
 }
 
+/// The correlation coefficient of pairs of values; 0 if one of them does not vary.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len() as f64;
+    let (mean_a, mean_b) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (x, y) in a.iter().zip(b) {
+        ab += (x - mean_a) * (y - mean_b);
+        aa += (x - mean_a).powi(2);
+        bb += (y - mean_b).powi(2);
+    }
+    if aa * bb > 0.0 {
+        ab / (aa * bb).sqrt()
+    } else {
+        0.0
+    }
+}
+
 /// The median; of an even number of values, the greater of the middle two. `None` for an empty
 /// sample.
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cloud::StructureTensor;
 use crate::geometry::Vec3;
-use crate::statistics::{SIGMAS_PER_MAD, median, rms};
+use crate::statistics::{SIGMAS_PER_MAD, correlation, median, rms};
 use crate::surface::Surface;
 use crate::trajectory::Trajectory;
 
@@ -281,22 +281,6 @@ fn motion_at(trajectory: &Trajectory, time_s: f64) -> Option<[f64; 4]> {
         (pose.rotation.inverse() * acceleration).x,
         time_s,
     ])
-}
-
-fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let n = a.len() as f64;
-    let (mean_a, mean_b) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
-    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
-    for (x, y) in a.iter().zip(b) {
-        ab += (x - mean_a) * (y - mean_b);
-        aa += (x - mean_a).powi(2);
-        bb += (y - mean_b).powi(2);
-    }
-    if aa * bb > 0.0 {
-        ab / (aa * bb).sqrt()
-    } else {
-        0.0
-    }
 }
 
 #[cfg(test)]
