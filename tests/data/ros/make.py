@@ -9,6 +9,7 @@ repeat. Message i has the stamp 1700000000 s + 0.01 s * i.
 from pathlib import Path
 
 import numpy as np
+import zstandard
 from mcap.writer import CompressionType, IndexType, Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2, StoragePlugin, CompressionMode, CompressionFormat
@@ -152,21 +153,28 @@ def mcap(name, compression, chunked=True, summary=True, big=False, chunk_size=40
     return path
 
 
-def rosbag2(name):
-    """MCAP by the writer of the package rosbags, as one file."""
-    import shutil, tempfile
+def rosbag2(name, page_size=None):
+    """MCAP or SQLite by the writer of the package rosbags, as one file."""
+    import shutil, sqlite3, tempfile
+    is_mcap = name.endswith(".mcap")
     store = get_typestore(Stores.ROS2_HUMBLE)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
-        writer = Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP)
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        writer = Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP if is_mcap else StoragePlugin.SQLITE3)
+        if is_mcap:
+            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
             connections = {}
             for topic, kind, ns, message in messages(store, 2):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=store)
                 writer.write(connections[topic], ns, store.serialize_cdr(message, kind))
-        shutil.copy(next(bag.glob("*.mcap")), HERE / name)
+        shutil.copy(next(bag.glob("*" + Path(name).suffix)), HERE / name)
+    if page_size:
+        # Messages then continue on pages of their own, and the tables have pages above pages.
+        with sqlite3.connect(HERE / name) as database:
+            database.execute(f"PRAGMA page_size={page_size}")
+            database.execute("VACUUM")
 
 
 if __name__ == "__main__":
@@ -180,5 +188,10 @@ if __name__ == "__main__":
     mcap("no_summary.mcap", CompressionType.ZSTD, summary=False)
     mcap("ros1.mcap", CompressionType.LZ4, cdr=False)
     rosbag2("rosbags.mcap")
-    for path in sorted(HERE.glob("*.bag")) + sorted(HERE.glob("*.mcap")):
+    rosbag2("rosbags.db3")
+    packed = HERE / "rosbags.db3"
+    packed.with_suffix(".db3.zst").write_bytes(zstandard.ZstdCompressor(level=19).compress(packed.read_bytes()))
+    packed.unlink()
+    rosbag2("small_pages.db3", 512)
+    for path in sorted(HERE.glob("*.bag")) + sorted(HERE.glob("*.mcap")) + sorted(HERE.glob("*.db3*")):
         print(path.name, path.stat().st_size)

@@ -59,6 +59,7 @@ impl Directory {
     /// Reads the indices after the chunks without unpacking the chunks; `None` if the indices are incomplete.
     fn from_indices(input: &Input) -> Result<Option<Self>> {
         let mut walk = Walk::open(input)?;
+        walk.tables.is_skimmed = true;
         let mut directory = Self::default();
         let mut is_index_due = false;
         let wanted = [Kind::Schema, Kind::Channel, Kind::Message, Kind::Index];

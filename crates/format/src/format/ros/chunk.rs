@@ -29,6 +29,7 @@ impl Walk {
         let head = match self.container {
             Container::Mcap => mcap::chunk_head(&self.data),
             Container::Rosbag => rosbag::chunk_head(&self.head),
+            Container::Db3 => None,
         };
         let Some(head) = head else {
             into.clear();

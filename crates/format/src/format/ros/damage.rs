@@ -19,6 +19,7 @@ impl Walk {
 
     /// Remarks on damage that was passed over and on a recording that is cut off.
     pub(super) fn remark(&self) {
+        self.remark_unmerged();
         if let (count, Some(first)) = &self.damage {
             self.input().remark(format!(
                 "damaged places of the recording left out: {count}, the first: {first}"

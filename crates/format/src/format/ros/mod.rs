@@ -1,4 +1,4 @@
-//! Recordings of ROS: bags of ROS 2 as MCAP (`.mcap`) and of ROS 1 (`.bag`, version 2.0).
+//! Recordings of ROS: bags of ROS 2 as MCAP (`.mcap`) and SQLite (`.db3`), and of ROS 1 (`.bag`, version 2.0).
 //!
 //! A recording that was cut off is read to its last complete message. The messages of a topic are read
 //! in the order of the file; their times are the stamps in their headers.
@@ -9,6 +9,7 @@ mod chunk;
 mod cloud;
 pub(crate) mod compression;
 mod damage;
+mod db3;
 mod frames;
 mod mcap;
 mod messages;
@@ -16,7 +17,9 @@ mod points;
 mod records;
 mod ros1;
 mod rosbag;
+mod rows;
 mod salvage;
+mod sqlite;
 mod timed;
 mod walk;
 mod wire;
@@ -53,7 +56,7 @@ pub(crate) const BAG: Kind = Kind {
     }),
     note: "if there are several topics, name one after the file: `drive.mcap#/topic`",
     frame: Frame::OfFile(frames::describe),
-    ..Kind::new("ros-bag", "recording (ROS bag or MCAP)")
+    ..Kind::new("ros-bag", "recording (ROS bag, MCAP or .db3)")
 };
 
 /// Reads the topic that is named after the file, or the only topic of a fitting type.
@@ -70,7 +73,9 @@ const POSES: [&str; 4] = [ODOMETRY, POSE, POSE_WITH_COVARIANCE, TRANSFORM];
 
 /// Whether these are the first bytes of a bag, including ROS 1 bags of versions that are not read.
 pub(crate) fn looks_like(start: &[u8]) -> bool {
-    start.starts_with(mcap::MAGIC) || start.starts_with(rosbag::ANY_VERSION)
+    [mcap::MAGIC, rosbag::ANY_VERSION, sqlite::MAGIC]
+        .iter()
+        .any(|magic| start.starts_with(magic))
 }
 
 /// Lists the topics of a bag by name, from the indices of its chunks if it has them, otherwise from

@@ -36,6 +36,12 @@ const ALL: [Kind; 7] = [
 /// Files that cannot be read or written; another format.
 pub(crate) fn copy(input: &Input, to: &Path) -> Result<Copied> {
     let mut walk = Walk::open(input)?;
+    if walk.container == Container::Db3 {
+        return Err(walk.error(
+            "a recording in SQLite",
+            "a bag or an MCAP file; sqlite3 FILE .recover salvages SQLite",
+        ));
+    }
     let (mut from, _) = input.open()?;
     let out = File::create(to).map_err(|e| Error::io(to, e))?;
     let mut out = Copy {

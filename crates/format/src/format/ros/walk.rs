@@ -4,7 +4,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::records::{Cursor, Kind, Raw, Record};
-use super::{mcap, rosbag};
+use super::{db3, mcap, rosbag, sqlite};
 use crate::error::{Error, Location, Result};
 use crate::format::input::{Input, Stream};
 
@@ -16,13 +16,15 @@ const SPARE_BYTES: u64 = 16 << 20;
 const MAX_UNPACKED_RATIO: u64 = 250;
 const UNPACKED_ALLOWANCE_BYTES: u64 = 12 << 20;
 
-/// The two kinds of bag.
+/// The kinds of bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Container {
     /// MCAP.
     Mcap,
     /// ROS 1, version 2.0.
     Rosbag,
+    /// ROS 2 as SQLite, whose records are rows and not in chunks.
+    Db3,
 }
 
 impl Container {
@@ -31,6 +33,7 @@ impl Container {
         match self {
             Self::Mcap => mcap::split(bytes),
             Self::Rosbag => rosbag::split(bytes),
+            Self::Db3 => None,
         }
     }
 
@@ -39,6 +42,7 @@ impl Container {
         match self {
             Self::Mcap => mcap::parse(raw),
             Self::Rosbag => rosbag::parse(raw),
+            Self::Db3 => db3::parse(raw),
         }
     }
 }
@@ -54,7 +58,7 @@ pub(super) struct Walk {
     /// Start of the first record, bytes.
     first: u64,
     /// Start of the next record, bytes.
-    at: u64,
+    pub(super) at: u64,
     /// End of the last record of the file, bytes.
     end: u64,
     /// Size of the file in bytes.
@@ -68,7 +72,9 @@ pub(super) struct Walk {
     pub(super) is_cut: bool,
     /// Damaged places that were passed over: their number, and the first.
     pub(super) damage: (u64, Option<Error>),
-    kind: Kind,
+    /// The tables of SQLite.
+    pub(super) tables: db3::Tables,
+    pub(super) kind: Kind,
     pub(super) head: Vec<u8>,
     /// The data of the last record, if its kind was wanted.
     pub(super) data: Vec<u8>,
@@ -83,13 +89,15 @@ impl Walk {
             Container::Mcap
         } else if start.starts_with(rosbag::MAGIC) {
             Container::Rosbag
+        } else if start.starts_with(sqlite::MAGIC) {
+            Container::Db3
         } else {
             let first = String::from_utf8_lossy(&start[..start.len().min(13)]);
             return Err(Error::format(
                 input.path(),
                 Location::Byte(0),
                 format!("{:?}", first.trim_end()),
-                "an MCAP file, or a ROS 1 bag of version 2.0",
+                "an MCAP file, a .db3 of ROS 2, or a ROS 1 bag of version 2.0",
             ));
         };
         let mut walk = Self {
@@ -105,6 +113,7 @@ impl Walk {
             unpacked: 0,
             is_cut: false,
             damage: (0, None),
+            tables: db3::Tables::default(),
             kind: Kind::Other,
             head: Vec::new(),
             data: Vec::new(),
@@ -112,6 +121,7 @@ impl Walk {
         match container {
             Container::Mcap => walk.find_end_of_mcap()?,
             Container::Rosbag => walk.find_index_of_rosbag()?,
+            Container::Db3 => walk.find_tables()?,
         }
         walk.first = walk.at;
         Ok(walk)
@@ -207,12 +217,16 @@ impl Walk {
                 let kind = rosbag::kind(&self.head);
                 Ok(kind.zip(data.map(u64::from)))
             }
+            Container::Db3 => Ok(None),
         }
     }
 
     /// Advances to the next record and reads its data if its kind is `wanted`. `None` at the end of the
     /// file, at the end of its messages, or where the file is cut off.
     pub(super) fn step(&mut self, wanted: &[Kind]) -> Result<Option<Kind>> {
+        if self.container == Container::Db3 {
+            return self.step_row(wanted);
+        }
         self.start = self.at;
         if self.is_cut || self.left() == 0 {
             return Ok(None);
@@ -369,7 +383,10 @@ impl Walk {
 
     /// Bytes read so far.
     pub(super) fn bytes_read(&self) -> u64 {
-        self.at
+        match self.container {
+            Container::Db3 => self.tables.farthest,
+            Container::Mcap | Container::Rosbag => self.at,
+        }
     }
 
     /// Size of the file in bytes.
