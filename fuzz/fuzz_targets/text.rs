@@ -9,6 +9,7 @@ fuzz_mutator!(|data: &mut [u8], size: usize, most: usize, seed: u32| {
     let size = fuzzer_mutate(data, size, most);
     if !repair::is_left(seed) {
         repair::nmea(&mut data[..size]);
+        repair::novatel(&mut data[..size]);
     }
     size
 });

@@ -155,7 +155,7 @@ type Entry = (&'static str, Reader, fn(format::Format) -> bool);
 /// Readers that can be given a part of a file.
 const PARTED: [&str; 3] = ["read_imu", "read_trajectory", "open_profiles"];
 
-const READERS: [Entry; 13] = [
+const READERS: [Entry; 15] = [
     ("detect", |path| format::detect(path).map(drop), |_| true),
     ("inspect", inspect, |_| true),
     ("read_imu", read_imu, |format| format.has_imu()),
@@ -168,6 +168,12 @@ const READERS: [Entry; 13] = [
     }),
     ("read_trajectory", read_trajectory, |format| {
         format.has_poses()
+    }),
+    ("read_geographic", read_geographic, |format| {
+        format.has_geographic()
+    }),
+    ("read_geographic_poses", read_geographic_poses, |format| {
+        format.has_geographic_poses()
     }),
     ("read_cloud", read_cloud, |format| format.has_cloud()),
     ("open_profiles", read_profiles, |format| {
@@ -241,6 +247,26 @@ fn positions(path: &Path, observations: &Observations) -> Result<()> {
             .iter()
             .all(|fix| fix.time_s.is_finite() && is_finite(&fix.position_m))
     );
+    Ok(())
+}
+
+fn read_geographic(path: &Path) -> Result<()> {
+    let fixes = format::read_geographic(path)?;
+    assert!(!fixes.is_empty(), "no position and no error");
+    for fix in &fixes {
+        let place = [fix.time_s, fix.latitude_rad, fix.longitude_rad, fix.height_m];
+        assert!(place.iter().all(|value| value.is_finite()), "{fix:?}");
+    }
+    Ok(())
+}
+
+fn read_geographic_poses(path: &Path) -> Result<()> {
+    for pose in format::read_geographic_poses(path)? {
+        let place = [pose.time_s, pose.latitude_rad, pose.longitude_rad, pose.height_m];
+        assert!(place.iter().all(|value| value.is_finite()), "{pose:?}");
+        let norm = pose.angles.rotation().quaternion().norm();
+        assert!((norm - 1.0).abs() < 1e-6, "a quaternion of length {norm}");
+    }
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! Repairs the checksums of mutated inputs; otherwise hardly any input would pass the first check of its reader.
 
-use crc::{CRC_16_KERMIT, CRC_32_ISCSI, Crc};
+use crc::{Algorithm, CRC_16_KERMIT, CRC_32_ISCSI, CRC_32_ISO_HDLC, Crc};
 
 /// Sets the checksums of all pages of an E57 file.
 pub fn e57(bytes: &mut [u8]) {
@@ -45,6 +45,24 @@ pub fn nmea(bytes: &mut [u8]) {
                 start = None;
             }
             _ => {}
+        }
+    }
+}
+
+/// Sets the checksums of all messages of NovAtel and Unicore that have one.
+pub fn novatel(bytes: &mut [u8]) {
+    const CRC: Crc<u32> = Crc::<u32>::new(&Algorithm {
+        init: 0,
+        xorout: 0,
+        ..CRC_32_ISO_HDLC
+    });
+    for line in bytes.split_mut(|byte| *byte == b'\n') {
+        let end = line.iter().rposition(|byte| *byte == b'*');
+        if let Some(end) = end.filter(|_| line.starts_with(b"#") || line.starts_with(b"%")) {
+            let digits = format!("{:08x}", CRC.checksum(&line[1..end]));
+            if let Some(place) = line.get_mut(end + 1..end + 9) {
+                place.copy_from_slice(digits.as_bytes());
+            }
         }
     }
 }
