@@ -9,11 +9,11 @@ use crate::project::{Motion, Project};
 /// single precision resolve less than a millimetre.
 const STEP_M: f64 = 1000.0;
 
-/// The project with an origin near its first position if its own is zero. Positions that cannot be read leave the origin
+/// The project with an origin near its first position if it states none. Positions that cannot be read leave the origin
 /// as it is, since the stage that needs them reports their error.
 pub fn with_origin(project: &Project, progress: &dyn Progress) -> Project {
     let mut project = project.clone();
-    if project.origin_m != Vec3::zeros() {
+    if project.has_zero_origin || project.origin_m != Vec3::zeros() {
         return project;
     }
     if let Some(first_m) = first_position_m(&project) {
@@ -84,6 +84,9 @@ mod tests {
             let stated = "[frame]\norigin_m = [350100.0, 5599800.0, 1.0]\n";
             let stated_m = Vec3::new(350_100.0, 5_599_800.0, 1.0);
             assert_eq!(origin_m("350123.4,5599876.5,60", stated, is_log), stated_m);
+            let zero = "[frame]\norigin_m = [0, 0, 0]\n";
+            let zero_m = origin_m("350123.4,5599876.5,60", zero, is_log);
+            assert_eq!(zero_m, Vec3::zeros());
             let local_m = origin_m("-12.5,499.0,60.0", "", is_log);
             assert!(local_m.iter().all(|m| m.to_bits() == 0), "{local_m}");
         }

@@ -81,8 +81,8 @@ pub struct Frame {
     /// Axes of the IMU and thereby of the body: `"FRD"`, x forward, y right, z down, or `"FLU"`, x forward, y left,
     /// z up.
     pub body: Option<BodyAxes>,
-    /// Subtracted from world coordinates on reading, added on writing; `[0, 0, 0]` stands for whole kilometres near the first
-    /// position, and the run says which.
+    /// Subtracted from world coordinates on reading, added on writing; without it, whole kilometres near the first
+    /// position, and the run says which
     pub origin_m: Option<[f64; 3]>,
     /// The projected coordinate reference system of the world, `"EPSG:25832"` or `"+proj=…"`: latitudes and
     /// longitudes of logs and SBET files are projected into it, without a datum shift.

@@ -69,6 +69,7 @@ pub(super) fn project(source: &Source) -> Result<Project> {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
         origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
+        has_zero_origin: written.frame.origin_m == Some([0.0; 3]),
         crs: crs(&frame, written.frame.crs.as_deref())?,
         motion: motion::motion(source, written)?,
         limits: motion::limits(source, written)?,
