@@ -254,7 +254,12 @@ fn read_geographic(path: &Path) -> Result<()> {
     let fixes = format::read_geographic(path)?;
     assert!(!fixes.is_empty(), "no position and no error");
     for fix in &fixes {
-        let place = [fix.time_s, fix.latitude_rad, fix.longitude_rad, fix.height_m];
+        let place = [
+            fix.time_s,
+            fix.latitude_rad,
+            fix.longitude_rad,
+            fix.height_m,
+        ];
         assert!(place.iter().all(|value| value.is_finite()), "{fix:?}");
     }
     Ok(())
@@ -262,7 +267,12 @@ fn read_geographic(path: &Path) -> Result<()> {
 
 fn read_geographic_poses(path: &Path) -> Result<()> {
     for pose in format::read_geographic_poses(path)? {
-        let place = [pose.time_s, pose.latitude_rad, pose.longitude_rad, pose.height_m];
+        let place = [
+            pose.time_s,
+            pose.latitude_rad,
+            pose.longitude_rad,
+            pose.height_m,
+        ];
         assert!(place.iter().all(|value| value.is_finite()), "{pose:?}");
         let norm = pose.angles.rotation().quaternion().norm();
         assert!((norm - 1.0).abs() < 1e-6, "a quaternion of length {norm}");

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use boresight::comparison::OpenSettings;
+use boresight::format::{CloudShape, CloudWriter, ExtraDimension, ExtraKind, ExtraValue};
 use boresight::geometry::Vec3;
 use boresight::pipeline::{Options, compare};
 use boresight::progress::Silent;
@@ -144,6 +145,24 @@ fn csv(path: &Path, header: &str, points: &[Vec3], tail: &str) {
     fs::write(path, header.to_owned() + &rows.collect::<String>()).unwrap();
 }
 
+/// Writes points whose second half is seen from a place a metre to the east of the first.
+fn las(path: &Path, points: &[Vec3]) {
+    let names = ["X Sensor", "Y Sensor", "Z Sensor"];
+    let shape = CloudShape {
+        dimensions: names
+            .map(|name| ExtraDimension::new(name, ExtraKind::F64, ""))
+            .into(),
+        ..CloudShape::default()
+    };
+    let mut writer = CloudWriter::around(path, Vec3::zeros(), &shape).unwrap();
+    for (i, point) in points.iter().enumerate() {
+        let x = f64::from(u8::from(2 * i >= points.len()));
+        let place = [x, 0.0, 0.5].map(ExtraValue::Number);
+        writer.write_with(point, 0.0, 0.0, 0, &place).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
 #[test]
 fn walls_that_grow_towards_the_scanner_have_positive_distances() {
     let temp = tempfile::tempdir().unwrap();
@@ -217,6 +236,21 @@ fn walls_that_grow_towards_the_scanner_have_positive_distances() {
     csv(&at("after.ply"), &header, &after, " -0.2 0 0.1");
     let (result, _) = compared(temp.path(), ["after.ply", "before.xyz"], &[]);
     grown(&result);
+
+    // Text with the place of the sensor, and LAS with it as extra dimensions: of a scanner that moves, here by a step of a
+    // metre. Of two places in text, the first is taken.
+    let header = "x y z vp_x vp_y vp_z sensor_x\n";
+    csv(&at("before.txt"), header, &before, " 0.2 0 0.1 90");
+    let (result, _) = compared(temp.path(), ["after.xyz", "before.txt"], &[]);
+    grown(&result);
+    assert_eq!(result["viewpoints_m"], serde_json::json!([[0.2, 0.0, 0.1]]));
+    las(&at("before.las"), &before);
+    let (result, _) = compared(temp.path(), ["after.xyz", "before.las"], &[]);
+    grown(&result);
+    assert_eq!(
+        result["viewpoints_m"],
+        serde_json::json!([[0.0, 0.0, 0.5], [1.0, 0.0, 0.5]])
+    );
 }
 
 #[test]

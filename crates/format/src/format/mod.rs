@@ -53,7 +53,7 @@ pub use kind::Format;
 pub use las::copc::copc_sink;
 pub use las::extra::{ExtraDimension, ExtraKind, Row, cloud_to_las, copy_las};
 pub use las::losses::LasLosses;
-pub use las::points::{las_count, las_remarks, stream_las};
+pub use las::points::{las_count, las_remarks, las_viewpoints, stream_las};
 pub use las::value::ExtraValue;
 pub use las::writer::CloudWriter;
 pub use log::frame_log::read_frame_log;

@@ -126,7 +126,7 @@ pub fn compare(
     let mut work = Compared {
         m3c2: M3c2::default(),
         settings: comparison.settings.closed(None),
-        orientation: orientation_of(comparison, &clouds, core.as_ref()),
+        orientation: orientation_of(comparison, &clouds, core.as_ref())?,
         measured: None,
         tiles: 1,
         memory_bytes: budget.bytes,
@@ -337,23 +337,25 @@ fn orientation_of(
     comparison: &Comparison,
     clouds: &[CloudSource; 2],
     core: Option<&CorePoints>,
-) -> Option<Orientation> {
+) -> Result<Option<Orientation>> {
     let (NormalSource::Core { orientation } | NormalSource::Reference { orientation }) =
         &comparison.normals
     else {
-        return None;
+        return Ok(None);
     };
     if given_normals(comparison, core).is_some() {
-        return None;
+        return Ok(None);
     }
     if *orientation != Orientation::Scanners {
-        return Some(orientation.clone());
+        return Ok(Some(orientation.clone()));
     }
-    let places = clouds.iter().map(CloudSource::viewpoints_m);
-    let places = places.into_iter().find(|places| !places.is_empty());
-    Some(places.map_or(Orientation::Direction(Vec3::z()), |places| {
-        Orientation::SeenFrom(places.to_vec())
-    }))
+    for cloud in clouds {
+        let places = cloud.viewpoints_m()?;
+        if !places.is_empty() {
+            return Ok(Some(Orientation::SeenFrom(places)));
+        }
+    }
+    Ok(Some(Orientation::Direction(Vec3::z())))
 }
 
 fn normals_of<'a>(

@@ -66,10 +66,13 @@ impl CloudSource {
     }
 
     /// The places from which its points were seen, metres; empty if the file does not tell.
-    pub fn viewpoints_m(&self) -> &[Vec3] {
+    ///
+    /// # Errors
+    /// A file that is damaged or ends early.
+    pub fn viewpoints_m(&self) -> Result<Vec<Vec3>> {
         match self {
-            Self::Las { .. } => &[],
-            Self::Memory { viewpoints_m, .. } => viewpoints_m,
+            Self::Las { path, .. } => format::las_viewpoints(path),
+            Self::Memory { viewpoints_m, .. } => Ok(viewpoints_m.clone()),
         }
     }
 

@@ -4,6 +4,7 @@ use crate::cloud::PointCloud;
 use crate::error::Result;
 use crate::format::binary::Number;
 use crate::format::cloud::gathering::Gathering;
+use crate::format::cloud::names::VIEWPOINTS;
 use crate::geometry::Vec3;
 
 /// The fields of a record that hold a point.
@@ -27,16 +28,6 @@ const TIMES: [&str; 7] = [
     "gpstimes",
 ];
 const INTENSITIES: [&str; 3] = ["intensity", "intensities", "i"];
-
-/// Names of the place from which a point was seen: of the Point Cloud Library, PDAL and others.
-const VIEWPOINTS: [[&str; 3]; 6] = [
-    ["vpx", "vpy", "vpz"],
-    ["beamoriginx", "beamoriginy", "beamoriginz"],
-    ["xorigin", "yorigin", "zorigin"],
-    ["originx", "originy", "originz"],
-    ["xsensor", "ysensor", "zsensor"],
-    ["sensorx", "sensory", "sensorz"],
-];
 
 /// A name without differences of spelling: `scalar_Gps_Time` of CloudCompare becomes `gpstime`.
 fn plain(name: &str) -> String {

@@ -1,14 +1,11 @@
 //! The points of a cloud file as its reader finds them, and what is left out of them.
 
 use crate::cloud::PointCloud;
-use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::error::{Error, Result};
+use crate::format::cloud::viewpoints::Viewpoints;
 use crate::format::input::Input;
 use crate::format::plausible::check_point;
 use crate::geometry::{Vec3, is_finite};
-
-/// Places closer than this are one viewpoint, metres: a scanner that moves has as many as points.
-const VIEWPOINT_STEP_M: f64 = 0.1;
 
 /// Collects the points of a file; the input remarks what is left out of them.
 pub(crate) struct Gathering<'a> {
@@ -18,8 +15,7 @@ pub(crate) struct Gathering<'a> {
     unmeasured: u64,
     /// Points at the origin of their scanner, which were not measured.
     at_scanner: u64,
-    /// The places from which the points were seen, by the decimetre that they lie in.
-    viewpoints_m: VoxelMap<VoxelKey, (usize, Vec3)>,
+    viewpoints: Viewpoints,
     /// The error of the first point that is too far away or too late.
     impossible: Option<Error>,
 }
@@ -31,7 +27,7 @@ impl<'a> Gathering<'a> {
             cloud: PointCloud::default(),
             unmeasured: 0,
             at_scanner: 0,
-            viewpoints_m: VoxelMap::default(),
+            viewpoints: Viewpoints::default(),
             impossible: None,
         }
     }
@@ -65,11 +61,7 @@ impl<'a> Gathering<'a> {
 
     /// Keeps a place from which points were seen; of those within a decimetre, the first.
     pub(crate) fn seen_from(&mut self, place: Vec3) {
-        if is_finite(&place) {
-            let number = self.viewpoints_m.len();
-            let key = voxel_key(&place, VIEWPOINT_STEP_M);
-            self.viewpoints_m.entry(key).or_insert((number, place));
-        }
+        self.viewpoints.add(place);
     }
 
     /// Keeps the place from which the scan that ends here was taken, by the translation of its pose. Programs also
@@ -115,10 +107,7 @@ impl<'a> Gathering<'a> {
             return Err(error);
         }
         self.cloud.forget_absent();
-        let mut viewpoints: Vec<(usize, Vec3)> = self.viewpoints_m.into_values().collect();
-        viewpoints.sort_unstable_by_key(|(number, _)| *number);
-        let places = viewpoints.into_iter().map(|(_, place)| place);
-        self.input.seen_from(places.collect());
+        self.input.seen_from(self.viewpoints.into_places());
         let left_out = [
             (self.unmeasured, "record", "without a position"),
             (

@@ -21,5 +21,6 @@ pub(super) mod sink_checks;
 pub(super) mod sink_tests;
 pub(super) mod table;
 pub(super) mod velodyne;
+pub(super) mod viewpoints;
 mod xyz_header;
 pub(super) mod xyz_table;

@@ -8,7 +8,29 @@ pub(crate) enum Meaning {
     Z,
     Time,
     Intensity,
+    /// The place from which a point was seen.
+    SeenFromX,
+    SeenFromY,
+    SeenFromZ,
 }
+
+impl Meaning {
+    /// Whether it belongs to the place from which a point was seen.
+    pub(crate) fn is_viewpoint(self) -> bool {
+        matches!(self, Self::SeenFromX | Self::SeenFromY | Self::SeenFromZ)
+    }
+}
+
+/// Names of the place from which a point was seen, without differences of spelling: of the Point Cloud Library, PDAL and
+/// others.
+pub(crate) const VIEWPOINTS: [[&str; 3]; 6] = [
+    ["vpx", "vpy", "vpz"],
+    ["beamoriginx", "beamoriginy", "beamoriginz"],
+    ["xorigin", "yorigin", "zorigin"],
+    ["originx", "originy", "originz"],
+    ["xsensor", "ysensor", "zsensor"],
+    ["sensorx", "sensory", "sensorz"],
+];
 
 /// Names without differences of spelling, and what they mean.
 const NAMES: [(&str, Meaning); 41] = [
@@ -89,8 +111,20 @@ fn plain(name: &str) -> (String, Option<String>) {
 
 fn named(name: &str) -> Option<Meaning> {
     let (stem, _) = plain(name);
-    let entry = NAMES.iter().find(|(known, _)| *known == stem)?;
-    Some(entry.1)
+    let mut places = VIEWPOINTS.iter().filter_map(|names| {
+        let axes = [Meaning::SeenFromX, Meaning::SeenFromY, Meaning::SeenFromZ];
+        let axis = names.iter().position(|known| *known == stem)?;
+        Some(axes[axis])
+    });
+    let entry = NAMES.iter().find(|(known, _)| *known == stem);
+    entry.map(|entry| entry.1).or_else(|| places.next())
+}
+
+/// The columns with the place from which a point was seen, among these names.
+pub(crate) fn viewpoint_columns(names: &[String]) -> Option<[usize; 3]> {
+    let find = |wanted: &str| names.iter().position(|name| plain(name).0 == wanted);
+    let mut places = VIEWPOINTS.iter();
+    places.find_map(|[x, y, z]| Some([find(x)?, find(y)?, find(z)?]))
 }
 
 /// What the column with this name holds, and the factor to metres or seconds; `None` for other columns.
@@ -137,6 +171,8 @@ mod tests {
             ("y (mm)", Ok(Some((Meaning::Y, 1e-3)))),
             ("GPS_Time", Ok(Some((Meaning::Time, 1.0)))),
             ("I", Ok(Some((Meaning::Intensity, 1.0)))),
+            ("VP_X", Ok(Some((Meaning::SeenFromX, 1.0)))),
+            ("Sensor Z (mm)", Ok(Some((Meaning::SeenFromZ, 1e-3)))),
             ("Red", Ok(None)),
         ] {
             assert_eq!(meaning(name), expected, "{name}");

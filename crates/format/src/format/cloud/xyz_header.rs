@@ -9,6 +9,9 @@ use crate::format::text::numerals::Numerals;
 /// A column that is read: its meaning, and the factor to metres or seconds.
 type Slot = Option<(Meaning, f64)>;
 
+/// The values of a row: one for each [`Meaning`].
+pub(super) const VALUES: usize = 8;
+
 /// The columns that are read, and the separator of lines.
 pub(super) struct Header {
     names: Vec<String>,
@@ -18,10 +21,19 @@ pub(super) struct Header {
 
 impl Header {
     fn of(lines: &Lines, names: Vec<String>, separator: Separator) -> Result<Self> {
-        let slots: Vec<Slot> = names
+        let mut slots: Vec<Slot> = names
             .iter()
             .map(|name| meaning(name).map_err(|unit| lines.error(unit, "m, mm, cm, km or ft")))
             .collect::<Result<_>>()?;
+        // Of several places of sensors, the first is taken.
+        for at in 1..slots.len() {
+            let is_repeated = |(meaning, _): (Meaning, f64)| {
+                meaning.is_viewpoint() && slots[..at].iter().flatten().any(|(m, _)| *m == meaning)
+            };
+            if slots[at].is_some_and(is_repeated) {
+                slots[at] = None;
+            }
+        }
         for (at, slot) in slots.iter().enumerate() {
             let Some((meaning, _)) = slot else { continue };
             let is_same = |other: &&Slot| other.is_some_and(|(other, _)| other == *meaning);
@@ -48,15 +60,15 @@ impl Header {
         (!names.is_empty()).then(|| format!("the columns {} are left out", names.join(", ")))
     }
 
-    /// The numbers of a line; absent columns and empty cells are NaN. The error holds the text found and the text
+    /// The numbers of a line by their meaning; absent columns and empty cells are NaN. The error holds the text found and the text
     /// expected.
     fn row(
         &self,
         text: &str,
         separator: Separator,
         numerals: &mut Numerals,
-    ) -> std::result::Result<[f64; 5], (String, String)> {
-        let mut row = [f64::NAN; 5];
+    ) -> std::result::Result<[f64; VALUES], (String, String)> {
+        let mut row = [f64::NAN; VALUES];
         let count = separator.split(text, |at, cell| {
             let Some(Some((meaning, factor))) = self.slots.get(at) else {
                 return Ok::<(), (String, String)>(());
@@ -96,7 +108,7 @@ impl Header {
         &mut self,
         text: &str,
         numerals: &mut Numerals,
-    ) -> std::result::Result<[f64; 5], (String, String)> {
+    ) -> std::result::Result<[f64; VALUES], (String, String)> {
         let mut tried = *numerals;
         let first_error = match self.row(text, self.separator, &mut tried) {
             Ok(row) => {

@@ -76,9 +76,10 @@ fn read(input: &Input) -> Result<PointCloud> {
             return Err(lines.error(format!("`{found}`"), "a header with x, y, z"));
         };
         let row = header.any_row(text, &mut numerals);
-        let [x, y, z, time_s, intensity] =
+        let [x, y, z, time_s, intensity, seen_from @ ..] =
             row.map_err(|(found, expected)| lines.error(found, expected))?;
         gathering.push(Vec3::new(x, y, z), time_s, intensity);
+        gathering.seen_from(Vec3::from(seen_from));
         rows += 1;
     }
     if let Some(n) = announced.filter(|n| *n != rows) {

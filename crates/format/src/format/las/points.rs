@@ -7,8 +7,11 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::names::viewpoint_columns;
+use crate::format::cloud::viewpoints::Viewpoints;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
+use crate::format::las::columns::extra_columns;
 use crate::format::las::file::{LasFile, LasPoint};
 use crate::geometry::Vec3;
 
@@ -75,6 +78,44 @@ pub fn stream_las(
         pieces.iter().try_for_each(|piece| each(piece))?;
     }
     Ok(())
+}
+
+/// The places from which the points of a LAS or LAZ file were seen (metres), by its extra dimensions; empty if it has none
+/// for them.
+///
+/// # Errors
+/// As [`las_count`].
+pub fn las_viewpoints(input: impl Into<Input>) -> Result<Vec<Vec3>> {
+    let input = &input.into();
+    let mut file = LasFile::open(input)?;
+    let count = count_of(&file)?;
+    let columns = extra_columns(&file);
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    // Extra dimensions of a file in feet are in a unit that it does not state.
+    let place = viewpoint_columns(&names).filter(|_| file.converted().is_none());
+    let Some(place) = place.map(|place| place.map(|at| columns[at].1)) else {
+        return Ok(Vec::new());
+    };
+    let take = |places: &mut Viewpoints, point: LasPoint<'_>| {
+        places.add(Vec3::from(
+            place.map(|column| column.value(point.extra).number()),
+        ));
+    };
+    let mut all = Viewpoints::default();
+    if !file.can_seek() {
+        read_until(&mut file, count, &mut all, take)?;
+        return Ok(all.into_places());
+    }
+    let parts = read_parts(
+        input,
+        0..count.div_ceil(PART),
+        count,
+        |_| Viewpoints::default(),
+        take,
+    )?;
+    let places = parts.into_iter().flat_map(Viewpoints::into_places);
+    places.for_each(|place| all.add(place));
+    Ok(all.into_places())
 }
 
 /// The points of a LAS or LAZ file with intensity, and with time if the file has it.
