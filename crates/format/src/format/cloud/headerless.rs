@@ -58,7 +58,7 @@ pub(crate) fn coded_points(cells: &[String]) -> Option<Likeness> {
 /// `has_commas` says whether commas separate them.
 pub(crate) fn other_than_xyz(rows: &[Vec<f64>], has_commas: bool) -> Option<Likeness> {
     let width = rows.first()?.len();
-    if rows.len() < 2 || rows.iter().any(|row| row.len() != width) {
+    if width < 3 || rows.len() < 2 || rows.iter().any(|row| row.len() != width) {
         return None;
     }
     let is_whole = |at: usize| rows.iter().all(|row| row[at].fract() == 0.0);
@@ -129,6 +129,8 @@ mod tests {
         for cloud in clouds {
             assert_eq!(other_than_xyz(&rows(cloud), false), None);
         }
+        // Rows of separators alone.
+        assert_eq!(other_than_xyz(&[Vec::new(), Vec::new()], false), None);
         let others: [&dyn Fn(usize) -> Vec<f64>; 4] = [
             &|i| vec![1.4e18 + 5e6 * at(i), 2.5, 7.25],
             &|i| vec![at(i + 41), 2.5 + at(i), 7.25, 9.0],
