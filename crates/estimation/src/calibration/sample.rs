@@ -298,19 +298,10 @@ pub fn sample_profiles(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::WorldFromBody;
-    use crate::sensor::PoseRecord;
+    use crate::calibration::small_case::at_rest;
 
     /// Points on a line, (time, x), from a body at rest.
     fn sampled(points: &[(f64, f64)], voxel_m: f64) -> Result<ScannerSample> {
-        let record = |time_s| PoseRecord {
-            time_s,
-            world_from_body: WorldFromBody::identity(),
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        };
-        let trajectory = Trajectory::new(vec![record(0.0), record(100.0)]).unwrap();
         let (times, points): (Vec<f64>, Vec<Vec3>) = points
             .iter()
             .map(|&(time_s, x)| (time_s, Vec3::new(x, 0.5, 0.5)))
@@ -320,7 +311,7 @@ mod tests {
             ..CalibrationSettings::default()
         };
         let mounting = Mounting::new("left", BodyFromScanner::identity());
-        ScannerSample::from_points(&mounting, &times, &points, &trajectory, &settings)
+        ScannerSample::from_points(&mounting, &times, &points, &at_rest(), &settings)
     }
 
     fn times_and_positions(

@@ -172,20 +172,10 @@ fn space(
 mod tests {
     use super::*;
     use crate::calibration::CalibrationSettings;
-    use crate::geometry::WorldFromBody;
-    use crate::sensor::PoseRecord;
-    use crate::trajectory::Trajectory;
+    use crate::calibration::small_case::at_rest;
 
     /// Level ground, 4 m long, seen by a body at rest from this height, and east of it by this distance, metres.
     fn level_ground(mounting: &Mounting, east_m: f64, up_m: f64) -> ScannerSample {
-        let record = |time_s| PoseRecord {
-            time_s,
-            world_from_body: WorldFromBody::identity(),
-            velocity_m_s: None,
-            bias: None,
-            sigma: None,
-        };
-        let trajectory = Trajectory::new(vec![record(0.0), record(100.0)]).unwrap();
         let points: Vec<Vec3> = (0..8000)
             .map(|i| {
                 let (row, column) = (f64::from(i / 100), f64::from(i % 100));
@@ -197,7 +187,7 @@ mod tests {
             voxel_sizes_m: vec![0.01],
             ..CalibrationSettings::default()
         };
-        ScannerSample::from_points(mounting, &times, &points, &trajectory, &settings).unwrap()
+        ScannerSample::from_points(mounting, &times, &points, &at_rest(), &settings).unwrap()
     }
 
     #[test]

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::parameters::{Mounting, poses};
 use super::scale::ScaleProblem;
 use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
+use crate::sensor::PoseRecord;
 use crate::surface::{Profile, ProfilePoint, Surface, SurfaceCloud};
+use crate::trajectory::Trajectory;
 
 /// The floor s of the thickness.
 pub const FLOOR_M: f64 = 0.02;
@@ -99,4 +101,16 @@ pub fn problem(cloud: SurfaceCloud) -> ScaleProblem {
 /// The cloud placed, with neighbourhoods of 20 around every `stride`-th point.
 pub fn surface(cloud: SurfaceCloud, mountings: &[Mounting], stride: usize) -> Surface {
     Surface::new(Arc::new(cloud), &poses(mountings), 20, stride)
+}
+
+/// The poses of a body that rests at the origin for 100 s.
+pub fn at_rest() -> Trajectory {
+    let record = |time_s| PoseRecord {
+        time_s,
+        world_from_body: WorldFromBody::identity(),
+        velocity_m_s: None,
+        bias: None,
+        sigma: None,
+    };
+    Trajectory::new(vec![record(0.0), record(100.0)]).unwrap()
 }
