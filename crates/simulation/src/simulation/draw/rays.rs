@@ -24,18 +24,31 @@ pub(super) fn limit(extent: &Extent, scenario: &mut Scenario) {
     let slowest_hz = slowest_profiles_hz(scenario).max(SLOWEST_HZ);
     let fans = scenario.scanners_of(ScannerKind::Profile).len().max(1) as f64;
     let profiles = &mut scenario.profiles;
-    // Rays per second of one scanner.
     let most_hz = extent.most_rays / (duration_s * fans);
-    let widest = (most_hz / profiles.rate_hz) as usize;
-    profiles.width = profiles.width.min(widest.max(NARROWEST));
-    let fastest_hz = most_hz / profiles.width as f64;
-    profiles.rate_hz = profiles.rate_hz.min(fastest_hz.max(slowest_hz));
+    profiles.width = narrowed(profiles.width, NARROWEST, most_hz / profiles.rate_hz);
+    profiles.rate_hz = slowed(
+        profiles.rate_hz,
+        slowest_hz,
+        most_hz / profiles.width as f64,
+    );
     let lidar = &mut scenario.lidar;
     let most_hz = extent.most_rays / (duration_s * lidar.rings as f64);
-    let widest = (most_hz / lidar.rate_hz) as usize;
-    lidar.columns = lidar.columns.min(widest.max(FEWEST_COLUMNS));
-    let fastest_hz = most_hz / lidar.columns as f64;
-    lidar.rate_hz = lidar.rate_hz.min(fastest_hz.max(SLOWEST_TURNS_HZ));
+    lidar.columns = narrowed(lidar.columns, FEWEST_COLUMNS, most_hz / lidar.rate_hz);
+    lidar.rate_hz = slowed(
+        lidar.rate_hz,
+        SLOWEST_TURNS_HZ,
+        most_hz / lidar.columns as f64,
+    );
+}
+
+/// At most so many rays, but at least the fewest.
+fn narrowed(rays: usize, fewest: usize, most: f64) -> usize {
+    rays.min((most as usize).max(fewest))
+}
+
+/// At most this rate, but at least the slowest.
+fn slowed(rate_hz: f64, slowest_hz: f64, most_hz: f64) -> f64 {
+    rate_hz.min(most_hz.max(slowest_hz))
 }
 
 #[cfg(test)]
