@@ -33,13 +33,9 @@ pub fn on_adjusted_poses(samples: &[ScannerSample], joint: &Joint) -> Vec<TimedP
             .copied()
             .flatten()
             .map_or(0.0, |(late_s, _)| late_s);
-        let bending = drive.bending.get(scanner);
-        let profiles = sample.profiles.iter().map(move |profile| {
-            let time_s = profile.time_s - late_s;
-            let body = drive.trajectory.pose_at(time_s)?;
-            let moved = bending.map_or(*mounting, |moved| moved.offsets.apply(mounting, time_s));
-            Some((body, moved))
-        });
+        let profiles = sample.profiles.iter();
+        let profiles =
+            profiles.map(|profile| drive.poses_at(scanner, mounting, profile.time_s - late_s));
         let profiles: Vec<_> = profiles.collect();
         sample.points.iter().map(move |point| {
             let number = point.profile as usize;

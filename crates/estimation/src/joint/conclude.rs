@@ -1,10 +1,11 @@
 //! The result of an adjustment that has ended.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::DMatrix;
 
 use super::bend::{BENDING_STEP_S, Bends, Compliance};
 use super::components::Component;
 use super::covariance::Covariance;
+use super::directions::Directions;
 use super::known::{known_points, prior_shares};
 use super::layout::Groups;
 use super::model::BLOCKS_S;
@@ -18,7 +19,6 @@ use super::slow::SlowMotions;
 use super::state::State;
 use super::surfel::Surfel;
 use crate::adjustment::StopReason;
-use crate::calibration::INITIAL_SIGMA;
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Bending, Vec3};
 use crate::trajectory::{EstimatedConstant, Trajectory};
@@ -145,7 +145,7 @@ pub fn conclude(
     });
     Ok(Joint {
         mountings: state.mountings.clone(),
-        undetermined: undetermined(&covariance),
+        undetermined: Directions::of(&covariance).undetermined(),
         covariance,
         late_s: late_s.collect(),
         late_scores: scores.late,
@@ -184,34 +184,6 @@ pub fn conclude(
         planes: planes(&problem.association.surfels, &state.shapes),
         unknowns: problem.unknowns(),
     })
-}
-
-/// Directions (δp, δφ) of all mountings along which the drives say less about a parameter than its initial value does, the
-/// least determined first.
-pub fn undetermined(covariance: &DMatrix<f64>) -> Vec<DVector<f64>> {
-    let count = covariance.nrows();
-    let sigma = |i: usize| INITIAL_SIGMA[i % 6 / 3];
-    let scaled = DMatrix::from_fn(count, count, |i, j| {
-        covariance[(i, j)] / (sigma(i) * sigma(j))
-    });
-    let eigen = SymmetricEigen::new(scaled);
-    let mut directions: Vec<(f64, DVector<f64>)> = (0..count)
-        .filter_map(|k| {
-            let direction = eigen.eigenvectors.column(k);
-            let variance = eigen.eigenvalues[k].max(0.0);
-            // Without the prior.
-            let of_drives = variance / (1.0 - variance).max(f64::EPSILON);
-            (of_drives.sqrt() * direction.amax() > 1.0).then(|| {
-                let direction = DVector::from_fn(count, |i, _| direction[i] * sigma(i));
-                (of_drives, direction)
-            })
-        })
-        .collect();
-    directions.sort_by(|a, b| b.0.total_cmp(&a.0));
-    directions
-        .into_iter()
-        .map(|(_, direction)| direction)
-        .collect()
 }
 
 /// The planes of surfels with their offsets and slopes (a, b, c): a + b u + c v along the normal.
@@ -330,33 +302,4 @@ pub fn not_determined() -> Error {
         "the joint adjustment is not determined",
         "use calibration.method = \"two-step\"",
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Covariance of two mountings that drives know to this standard deviation along a direction of unit length, in
-    /// standard deviations of initial values, and to a thousandth of these across it.
-    fn covariance(direction: &DVector<f64>, of_drives: f64) -> DMatrix<f64> {
-        let along = 1.0 / (1.0 + of_drives.powi(-2));
-        let outer = direction * direction.transpose();
-        let across = (DMatrix::identity(12, 12) - &outer) * 1e-6;
-        let scaled = across + outer * along;
-        DMatrix::from_fn(12, 12, |i, j| {
-            scaled[(i, j)] * INITIAL_SIGMA[i % 6 / 3] * INITIAL_SIGMA[j % 6 / 3]
-        })
-    }
-
-    #[test]
-    fn a_direction_of_which_initial_values_say_more_is_not_determined() {
-        let height = DVector::from_fn(12, |i, _| if i % 6 == 2 { 0.5_f64.sqrt() } else { 0.0 });
-        let [known, unknown] =
-            [1.3, 1.5].map(|of_drives| undetermined(&covariance(&height, of_drives)));
-        // Each of the two heights moves by 0.71 times the direction.
-        assert!(known.is_empty());
-        assert_eq!(unknown.len(), 1);
-        assert!((unknown[0][2] / unknown[0][8] - 1.0).abs() < 1e-9);
-        assert!(unknown[0][2].abs() > 100.0 * unknown[0][0].abs());
-    }
 }

@@ -12,6 +12,7 @@ mod bend;
 mod components;
 mod conclude;
 mod covariance;
+mod directions;
 mod fixed;
 mod held;
 mod input;

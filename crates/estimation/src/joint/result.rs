@@ -13,7 +13,7 @@ use super::settings::ReferenceSigma;
 use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
-use crate::geometry::{Bending, BodyFromScanner, Vec3};
+use crate::geometry::{Bending, BodyFromScanner, Vec3, WorldFromBody};
 use crate::statistics::rms;
 use crate::trajectory::{Doubt, EstimatedConstant, Trajectory};
 use crate::verdict::Verdict;
@@ -110,6 +110,22 @@ pub struct AdjustedDrive {
     pub residuals: Vec<PositionResiduals>,
     /// Change of each pose by the adjustment.
     pub moved: Vec<PoseMove>,
+}
+
+impl AdjustedDrive {
+    /// The pose of the body and the mounting of a scanner at a time (seconds), given the mean of the mounting; `None`
+    /// outside of the drive.
+    pub fn poses_at(
+        &self,
+        scanner: usize,
+        mounting: &BodyFromScanner,
+        time_s: f64,
+    ) -> Option<(WorldFromBody, BodyFromScanner)> {
+        let body = self.trajectory.pose_at(time_s)?;
+        let bending = self.bending.get(scanner);
+        let moved = bending.map_or(*mounting, |moved| moved.offsets.apply(mounting, time_s));
+        Some((body, moved))
+    }
 }
 
 /// Errors of poses from a file: of each component, rotations about the body's axes (radians) and position in the

@@ -5,15 +5,15 @@
 //! that dip looks like information. From another start it ends in another dip. A result that the drives determine ends
 //! where it was.
 
-use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
+use nalgebra::DVector;
 
-use super::conclude::undetermined;
+use super::directions::Directions;
 use super::input::JointInput;
 use super::ladder::adjust;
-use super::result::{AdjustedDrive, Joint, KnownPoint};
+use super::result::{AdjustedDrive, Joint};
 use super::settings::{JointSettings, MountingMotion};
+use crate::calibration::change;
 use crate::calibration::parameters::moved;
-use crate::calibration::{INITIAL_SIGMA, change};
 use crate::error::{Result, unless_cancelled};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::progress::Progress;
@@ -25,58 +25,14 @@ const WEAK_SHARE: f64 = 0.01;
 /// The variance relative to that of initial values where drives say as much as these.
 const EVEN_SHARE: f64 = 0.5;
 
-/// Directions of all mountings in units of the standard deviations of initial values, with the variances along them.
-struct Directions {
-    eigen: SymmetricEigen<f64, Dyn>,
+fn is_weak(variance: f64) -> bool {
+    (WEAK_SHARE..EVEN_SHARE).contains(&variance)
 }
 
-impl Directions {
-    fn of(covariance: &DMatrix<f64>) -> Self {
-        let scaled = DMatrix::from_fn(covariance.nrows(), covariance.ncols(), |i, j| {
-            covariance[(i, j)] / (sigma(i) * sigma(j))
-        });
-        Self {
-            eigen: SymmetricEigen::new(scaled),
-        }
-    }
-
-    fn is_weak(&self, k: usize) -> bool {
-        (WEAK_SHARE..EVEN_SHARE).contains(&self.eigen.eigenvalues[k])
-    }
-
-    /// The part along direction `k` of a change (δp, δφ) of all mountings.
-    fn along(&self, k: usize, change: &DVector<f64>) -> f64 {
-        let direction = self.eigen.eigenvectors.column(k);
-        let parts = direction.iter().zip(change.iter()).enumerate();
-        parts.map(|(i, (q, change))| q * change / sigma(i)).sum()
-    }
-
-    /// A change (δp, δφ) of all mountings from its parts along the directions.
-    fn change(&self, parts: &DVector<f64>) -> DVector<f64> {
-        let mut change = &self.eigen.eigenvectors * parts;
-        change
-            .iter_mut()
-            .enumerate()
-            .for_each(|(i, x)| *x *= sigma(i));
-        change
-    }
-
-    /// The covariance if these shares of an error of the start are left along the directions.
-    fn covariance(&self, left: &DVector<f64>) -> DMatrix<f64> {
-        let variances = self.eigen.eigenvalues.zip_map(left, |variance, left| {
-            variance.max((variance + left * left).min(1.0))
-        });
-        let q = &self.eigen.eigenvectors;
-        let scaled = q * DMatrix::from_diagonal(&variances) * q.transpose();
-        DMatrix::from_fn(scaled.nrows(), scaled.ncols(), |i, j| {
-            scaled[(i, j)] * sigma(i) * sigma(j)
-        })
-    }
-}
-
-/// Standard deviation of the initial value of a parameter, (δp, δφ) of all mountings.
-fn sigma(parameter: usize) -> f64 {
-    INITIAL_SIGMA[parameter % 6 / 3]
+/// What is added to the variance along a direction of which a share of any start is left, relative to that of initial
+/// values.
+fn added(variance: f64, left: f64) -> f64 {
+    (left * left).min(1.0 - variance).max(0.0)
 }
 
 /// Repeats an adjustment from another start, if it determines directions of the mountings only weakly, and adds to its
@@ -97,11 +53,12 @@ pub fn consider_start(
     progress: &dyn Progress,
 ) -> Result<()> {
     let directions = Directions::of(&joint.covariance);
-    let count = joint.covariance.nrows();
+    let variances = directions.variances();
+    let count = variances.len();
     let to_initial = change(&joint.mountings, input.initial);
     let displaced = DVector::from_fn(count, |k, _| {
         let side = -directions.along(k, &to_initial).signum();
-        if directions.is_weak(k) { side } else { 0.0 }
+        if is_weak(variances[k]) { side } else { 0.0 }
     });
     if displaced.amax() == 0.0 {
         return Ok(());
@@ -121,14 +78,17 @@ pub fn consider_start(
         Some(other) => {
             let apart = change(&joint.mountings, &other.mountings);
             DVector::from_fn(count, |k, _| {
-                let left = directions.along(k, &apart) / displaced[k];
-                if displaced[k] == 0.0 { 0.0 } else { left }
+                if displaced[k] == 0.0 {
+                    0.0
+                } else {
+                    directions.along(k, &apart) / displaced[k]
+                }
             })
         }
         None => displaced.abs(),
     };
-    joint.covariance = directions.covariance(&left);
-    joint.undetermined = undetermined(&joint.covariance);
+    joint.covariance += directions.covariance(&variances.zip_map(&left, added));
+    joint.undetermined = Directions::of(&joint.covariance).undetermined();
     if let Some(other) = other {
         let poses = [joint.poses(), other.poses()];
         let drives = joint.drives.iter_mut().zip(&other.drives);
@@ -145,20 +105,15 @@ fn add_displacements(
     there: &AdjustedDrive,
     poses: &[Vec<BodyFromScanner>; 2],
 ) {
-    let place =
-        |drive: &AdjustedDrive, mounting: &BodyFromScanner, scanner: usize, point: &KnownPoint| {
-            let body = drive.trajectory.pose_at(point.time_s)?;
-            let bending = drive.bending.get(scanner);
-            let mounting = bending.map_or(*mounting, |moved| {
-                moved.offsets.apply(mounting, point.time_s)
-            });
-            Some(body.map(&mounting.map(&point.in_scanner_m)))
-        };
     let mut points = std::mem::take(&mut drive.points);
     for (scanner, points) in points.iter_mut().enumerate() {
         for point in points {
-            let [here_m, there_m] = [(&*drive, &poses[0]), (there, &poses[1])]
-                .map(|(drive, poses)| place(drive, &poses[scanner], scanner, point));
+            let [here_m, there_m] =
+                [(&*drive, &poses[0]), (there, &poses[1])].map(|(drive, poses)| {
+                    let (body, mounting) =
+                        drive.poses_at(scanner, &poses[scanner], point.time_s)?;
+                    Some(body.map(&mounting.map(&point.in_scanner_m)))
+                });
             if let (Some(here_m), Some(there_m)) = (here_m, there_m) {
                 let apart_m: Vec3 = there_m - here_m;
                 point.sigma_m = point.sigma_m.zip_map(&apart_m, f64::hypot);
@@ -171,6 +126,8 @@ fn add_displacements(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joint::directions::in_units;
+    use nalgebra::DMatrix;
 
     #[test]
     fn what_is_left_of_the_start_widens_weak_directions_up_to_the_initial_values() {
@@ -179,16 +136,17 @@ mod tests {
         let of = |variance: f64| {
             let known = DMatrix::identity(12, 12) * 1e-4;
             let scaled = known + &common * common.transpose() * (variance - 1e-4);
-            DMatrix::from_fn(12, 12, |i, j| scaled[(i, j)] * sigma(i) * sigma(j))
+            in_units(&scaled)
         };
         let directions = Directions::of(&of(0.25));
-        let weak: Vec<usize> = (0..12).filter(|&k| directions.is_weak(k)).collect();
+        let variances = directions.variances();
+        let weak: Vec<usize> = (0..12).filter(|&k| is_weak(variances[k])).collect();
         let [weak] = weak[..] else {
             panic!("{weak:?}");
         };
         let with_left = |share: f64| {
             let left = DVector::from_fn(12, |k, _| if k == weak { share } else { 0.0 });
-            directions.covariance(&left)
+            of(0.25) + directions.covariance(&variances.zip_map(&left, added))
         };
         for (share, variance) in [(0.0, 0.25), (0.5, 0.5), (-0.5, 0.5), (2.0, 1.0)] {
             let difference = (with_left(share) - of(variance)).amax();
