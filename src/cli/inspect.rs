@@ -63,7 +63,9 @@ impl Inspect {
 
 /// Adds the verdicts on a project to `verdicts`.
 fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
-    if file.is_dir() && !file.join("project.toml").is_file() {
+    let is_project = file.join("project.toml").is_file();
+    // A format is detected only of the folder of a recording of ROS 2, which stands for the recording.
+    if file.is_dir() && !is_project && format::detect(file).is_err() {
         return folder(file);
     }
     let file = &project_file(file);

@@ -1,5 +1,6 @@
 //! What the files of a folder are, and what they can serve as.
 
+use std::collections::HashSet;
 use std::fmt;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -95,6 +96,12 @@ pub fn sorted(folder: &Path) -> Result<SortedFiles> {
     let mut files = Vec::new();
     list(folder, DEEPEST, &mut files)?;
     files.sort();
+    // The list of a recording in several files stands for all of them.
+    let lists = files.iter().filter(|file| file.ends_with("metadata.yaml"));
+    let parts: HashSet<PathBuf> = lists
+        .flat_map(|list| format::files_of(list).into_iter().skip(1))
+        .collect();
+    files.retain(|file| !parts.contains(file));
     let mut sorted = SortedFiles::default();
     for file in &files {
         sorted.add(folder, file);

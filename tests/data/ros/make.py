@@ -153,28 +153,47 @@ def mcap(name, compression, chunked=True, summary=True, big=False, chunk_size=40
     return path
 
 
-def rosbag2(name, page_size=None):
-    """MCAP or SQLite by the writer of the package rosbags, as one file."""
+def rosbag2(name, page_size=None, mode=None, part=slice(None)):
+    """MCAP or SQLite by the writer of the package rosbags, as one file, with a part of the messages. Returns its list."""
     import shutil, sqlite3, tempfile
     is_mcap = name.endswith(".mcap")
     store = get_typestore(Stores.ROS2_HUMBLE)
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
         writer = Writer2(bag, version=9, storage_plugin=StoragePlugin.MCAP if is_mcap else StoragePlugin.SQLITE3)
-        if is_mcap:
-            writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        if is_mcap or mode:
+            writer.set_compression(mode or CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
             connections = {}
-            for topic, kind, ns, message in messages(store, 2):
+            for topic, kind, ns, message in messages(store, 2)[part]:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=store)
                 writer.write(connections[topic], ns, store.serialize_cdr(message, kind))
         shutil.copy(next(bag.glob("*" + Path(name).suffix)), HERE / name)
+        metadata = (bag / "metadata.yaml").read_text()
     if page_size:
         # Messages then continue on pages of their own, and the tables have pages above pages.
         with sqlite3.connect(HERE / name) as database:
             database.execute(f"PRAGMA page_size={page_size}")
             database.execute("VACUUM")
+    return metadata
+
+
+def packed(name):
+    """Compresses a file as a whole."""
+    path = HERE / name
+    path.with_name(name + ".zst").write_bytes(zstandard.ZstdCompressor(level=19).compress(path.read_bytes()))
+    path.unlink()
+
+
+def split():
+    """A recording in two files that are compressed as a whole, named as rosbag2 does; rosbags writes one file only."""
+    (HERE / "split").mkdir(exist_ok=True)
+    parts = [slice(0, 50), slice(50, None)]
+    for number, part in enumerate(parts):
+        text = rosbag2(f"split/drive_{number}.db3.zstd", mode=CompressionMode.FILE, part=part)
+    names = "".join(f"  - drive_{number}.db3.zstd\n" for number in range(len(parts)))
+    (HERE / "split" / "metadata.yaml").write_text(text.replace("  - bag.db3.zstd\n", names))
 
 
 if __name__ == "__main__":
@@ -189,9 +208,11 @@ if __name__ == "__main__":
     mcap("ros1.mcap", CompressionType.LZ4, cdr=False)
     rosbag2("rosbags.mcap")
     rosbag2("rosbags.db3")
-    packed = HERE / "rosbags.db3"
-    packed.with_suffix(".db3.zst").write_bytes(zstandard.ZstdCompressor(level=19).compress(packed.read_bytes()))
-    packed.unlink()
+    packed("rosbags.db3")
+    for name in ["messages.db3", "messages.mcap"]:
+        rosbag2(name, mode=CompressionMode.MESSAGE)
+        packed(name)
+    split()
     rosbag2("small_pages.db3", 512)
     for path in sorted(HERE.glob("*.bag")) + sorted(HERE.glob("*.mcap")) + sorted(HERE.glob("*.db3*")):
         print(path.name, path.stat().st_size)

@@ -1,9 +1,11 @@
 //! Recordings of ROS as people have them, and positions of other programs.
 
 use std::fs;
+use std::path::Path;
 
 use boresight::format::{self, Input, PointTimes, inspect};
 use boresight::geometry::Projection;
+use boresight::project::Project;
 use boresight::sensor::{FixQuality, Observations};
 
 use super::logs::{notes, sample};
@@ -248,4 +250,51 @@ fn salvage_takes_recordings() {
     let input = Input::from(&out.join("flip.mcap"));
     assert_eq!(format::read_imu(&input).unwrap().len(), 194);
     assert!(input.remarks().is_empty(), "{:?}", input.remarks());
+}
+
+#[test]
+fn the_folder_of_a_split_recording_stands_for_it() {
+    let folder = data("ros/split");
+    let run = boresight(&["inspect", folder.to_str().unwrap()]);
+    assert!(
+        run.out.contains("/imu (sensor_msgs/Imu, 12 messages)"),
+        "{}",
+        run.out
+    );
+    let topic = format!("{}#/odom", folder.display());
+    assert_eq!(inspect(Path::new(&topic)).unwrap().count, 12);
+    let files = format::files_of(Path::new(&topic));
+    assert_eq!(files.len(), 3);
+    assert!(files.iter().all(|file| file.is_file()), "{files:?}");
+    // `init` lists the recording once, and a project finds the files of the folder.
+    let drive = tempfile::tempdir().unwrap();
+    let copy = drive.path().join("bag");
+    fs::create_dir(&copy).unwrap();
+    for entry in fs::read_dir(&folder).unwrap() {
+        let entry = entry.unwrap();
+        fs::copy(entry.path(), copy.join(entry.file_name())).unwrap();
+    }
+    let made = boresight::pipeline::init(drive.path()).unwrap();
+    assert_eq!(made.files.len(), 1);
+    assert!(
+        made.text.contains("file = \"bag/metadata.yaml#/topic\""),
+        "{}",
+        made.text
+    );
+    let text = r#"
+        [frame]
+        body = "FLU"
+        [trajectory]
+        file = "bag#/odom"
+        [[scanner]]
+        name = "left"
+        profiles = "bag#/velodyne"
+        translation_m = [0.0, 0.0, 0.0]
+        rotation_deg = [0.0, 0.0, 0.0]
+    "#;
+    let project = Project::parse(text.to_owned(), &drive.path().join("project.toml")).unwrap();
+    project.check_files().unwrap();
+    let files = project.files().into_iter();
+    let parts = files.filter(|file| file.ends_with("drive_1.db3.zstd"));
+    assert_eq!(parts.count(), 2);
 }

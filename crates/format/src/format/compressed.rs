@@ -8,7 +8,10 @@ use crate::error::{Error, Location, Result};
 use crate::format::file::guarded;
 
 const GZIP: &[u8] = &[0x1f, 0x8b];
-const ZSTANDARD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// The first bytes of a frame of Zstandard.
+pub(super) const ZSTANDARD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+/// Extensions of compressed files; that of rosbag2 is the last one.
+const EXTENSIONS: [&str; 3] = ["gz", "zst", "zstd"];
 /// A compressed file unpacks to at most this many times its size, plus `ALWAYS_BYTES`: text of numbers unpacks to ten
 /// times its size, and one that claims more was made to keep the reader busy.
 const MOST_EXPANDED: u64 = 250;
@@ -70,7 +73,8 @@ fn damaged(path: &Path, error: &dyn std::error::Error, name: &str) -> Error {
 pub(super) fn without_extension(path: &Path) -> PathBuf {
     let is_compressed = path
         .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("gz") || e.eq_ignore_ascii_case("zst"));
+        .and_then(|e| e.to_str())
+        .is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)));
     if is_compressed {
         path.with_extension("")
     } else {

@@ -9,7 +9,17 @@ use crate::error::{Error, Location, Result};
 /// Approximate number of points that readers return at a time.
 pub(crate) const CHUNK_POINTS: usize = 200_000;
 
-/// A file, or a part of it, named after a `#`: `drive.mcap#/left/points` is a topic of a recording.
+/// The file in a folder of rosbag2 that lists the files of its recording.
+pub(crate) const METADATA: &str = "metadata.yaml";
+
+/// The file that stands for a path: of a recording of rosbag2 that is named by its folder, the one that lists its files.
+fn listed_in(path: PathBuf) -> PathBuf {
+    let list = path.join(METADATA);
+    if list.is_file() { list } else { path }
+}
+
+/// A file, or a part of it, named after a `#`: `drive.mcap#/left/points` is a topic of a recording, whose folder may
+/// be named instead of its files.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Part {
     pub(crate) file: PathBuf,
@@ -21,8 +31,9 @@ impl Part {
     pub(crate) fn of(path: &Path) -> Self {
         let text = path.to_string_lossy();
         let marks = || text.match_indices('#').map(|(at, _)| at);
-        let at = marks().find(|at| !path.exists() && Path::new(&text[..*at]).is_file());
-        let file = at.map_or_else(|| path.to_owned(), |at| text[..at].into());
+        let is_there = |at: &usize| listed_in(text[..*at].into()).is_file();
+        let at = marks().find(|at| !path.exists() && is_there(at));
+        let file = listed_in(at.map_or_else(|| path.to_owned(), |at| text[..at].into()));
         let name = at.map(|at| text[at + 1..].to_owned());
         Self { file, name }
     }
@@ -57,7 +68,7 @@ static GUARDED: AtomicUsize = AtomicUsize::new(0);
 /// errors. Panics of this program are printed as usual.
 fn silence_decoders() {
     static ONCE: Once = Once::new();
-    const DECODERS: [&str; 8] = [
+    const DECODERS: [&str; 9] = [
         "/las-",
         "/laz-",
         "/e57-",
@@ -66,6 +77,7 @@ fn silence_decoders() {
         "/ruzstd-",
         "/parquet-",
         "/bytes-",
+        "/yaml-rust2-",
     ];
     ONCE.call_once(|| {
         let print = std::panic::take_hook();

@@ -6,9 +6,11 @@ use std::ops::Range;
 use super::cdr::Cdr;
 use super::records::{Channel, Cursor, Kind, Record, Span, TypeName, short_type};
 use super::ros1::Ros1;
+use super::split;
 use super::walk::Walk;
 use super::wire::{Decoded, Encoding, Fault, Message};
 use crate::error::{Error, Result};
+use crate::format::compressed::ZSTANDARD;
 use crate::format::input::Input;
 
 /// Largest accepted number of channels; a larger one is damage.
@@ -27,8 +29,8 @@ pub(crate) struct Topic {
     pub(crate) recorded_s: Option<(f64, f64)>,
     /// Serialisation of the messages.
     pub(super) encoding: Encoding,
-    /// The channels of the topic, in increasing order.
-    pub(super) channels: Vec<u32>,
+    /// The numbers of the files of the recording and the channels of the topic in them, in increasing order.
+    pub(super) channels: Vec<(usize, u32)>,
 }
 
 impl Topic {
@@ -41,11 +43,28 @@ impl Topic {
 
 /// Lists the topics of a bag by name.
 pub(super) fn topics(input: &Input) -> Result<Vec<Topic>> {
-    if let Some(directory) = Directory::from_indices(input)? {
-        return Ok(directory.topics());
+    let mut merged = Merged::new();
+    for (number, file) in split::files(input)?.iter().enumerate() {
+        let directory = match Directory::from_indices(file)? {
+            Some(directory) => directory,
+            None => Directory::from_messages(file)?,
+        };
+        directory.merge_into(&mut merged, number);
     }
-    Ok(Directory::from_messages(input)?.topics())
+    let topic = |((name, message_type, encoding), (span, channels)): (_, (Span, _))| Topic {
+        name,
+        message_type,
+        count: span.count,
+        recorded_s: (span.count > 0)
+            .then_some((span.first_ns as f64 * 1e-9, span.last_ns as f64 * 1e-9)),
+        encoding,
+        channels,
+    };
+    Ok(merged.into_iter().map(topic).collect())
 }
+
+/// Topics by name, type and encoding: their messages, and their channels in each file.
+type Merged = BTreeMap<(String, String, Encoding), (Span, Vec<(usize, u32)>)>;
 
 /// The channels and schemas of a bag.
 #[derive(Default)]
@@ -147,35 +166,29 @@ impl Directory {
         ))
     }
 
-    /// The topics; channels of one topic with the same type are merged.
-    fn topics(self) -> Vec<Topic> {
-        let mut merged: BTreeMap<(String, String, Encoding), (Span, Vec<u32>)> = BTreeMap::new();
+    /// Adds the topics of a file with this number; channels of one topic with the same type are merged.
+    fn merge_into(self, merged: &mut Merged, number: usize) {
         for (id, channel) in self.channels {
             let message_type = match channel.message_type {
                 TypeName::Known(name) => name,
                 TypeName::Schema(id) => self.schemas.get(&id).cloned().unwrap_or_default(),
             };
             let key = (channel.topic, short_type(&message_type), channel.encoding);
-            let (span, ids) = merged.entry(key).or_default();
+            let (span, channels) = merged.entry(key).or_default();
             span.add(self.spans.get(&id).copied().unwrap_or_default());
-            ids.push(id);
+            channels.push((number, id));
         }
-        let topic = |((name, message_type, encoding), (span, channels)): (_, (Span, _))| Topic {
-            name,
-            message_type,
-            count: span.count,
-            recorded_s: (span.count > 0)
-                .then_some((span.first_ns as f64 * 1e-9, span.last_ns as f64 * 1e-9)),
-            encoding,
-            channels,
-        };
-        merged.into_iter().map(topic).collect()
     }
 }
 
-/// The messages of one topic in the order of the file, which is the order of recording.
+/// The messages of one topic in the order of the files, which is the order of recording.
 pub(super) struct Messages {
+    files: Vec<Input>,
+    /// The number of the current file.
+    file: usize,
     walk: Walk,
+    /// The first damage of the files before the current one.
+    damage: Option<Error>,
     topic: Topic,
     /// The records of the current chunk, or the content of a message outside of chunks.
     block: Vec<u8>,
@@ -183,6 +196,8 @@ pub(super) struct Messages {
     at: usize,
     /// Range of the current message in the block.
     message: Range<usize>,
+    /// The content of the current message if it is compressed by itself.
+    unpacked: Option<Decoded<Vec<u8>>>,
     /// Messages so far.
     count: u64,
     /// When the current message was recorded, nanoseconds.
@@ -192,12 +207,17 @@ pub(super) struct Messages {
 impl Messages {
     /// Opens a bag before the first message of a topic.
     pub(super) fn open(input: &Input, topic: Topic) -> Result<Self> {
+        let files = split::files(input)?;
         Ok(Self {
-            walk: Walk::open(input)?,
+            walk: Walk::open(files.first().unwrap_or(input))?,
+            files,
+            file: 0,
+            damage: None,
             topic,
             block: Vec::new(),
             at: 0,
             message: 0..0,
+            unpacked: None,
             count: 0,
             recorded_ns: 0,
         })
@@ -212,7 +232,9 @@ impl Messages {
             match self.walk.step(&[Kind::Chunk, Kind::Message])? {
                 None | Some(Kind::End) => {
                     self.walk.remark();
-                    return Ok(false);
+                    if !self.begin_next_file()? {
+                        return Ok(false);
+                    }
                 }
                 Some(Kind::Chunk) => self.at = self.walk.unpack(&mut self.block)?,
                 Some(Kind::Message) => match self.walk.record() {
@@ -235,6 +257,25 @@ impl Messages {
             }
         }
         self.count += 1;
+        let content = &self.block[self.message.clone()];
+        // Messages of ROS 2 begin with the kind of their serialisation, which is never like this.
+        let is_packed = self.topic.encoding == Encoding::Cdr && content.starts_with(ZSTANDARD);
+        self.unpacked = is_packed.then(|| self.walk.unpack_message(content));
+        Ok(true)
+    }
+
+    /// Goes to the start of the next file; false if there is none.
+    fn begin_next_file(&mut self) -> Result<bool> {
+        let Some(next) = self.files.get(self.file + 1) else {
+            return Ok(false);
+        };
+        let walk = Walk::open(next)?;
+        let damage = self.walk.take_damage();
+        self.damage = self.damage.take().or(damage);
+        self.walk = walk;
+        self.file += 1;
+        self.block.clear();
+        self.at = 0;
         Ok(true)
     }
 
@@ -251,7 +292,11 @@ impl Messages {
                 recorded_ns,
                 data,
             }) = self.walk.parse(raw)
-                && self.topic.channels.binary_search(&channel).is_ok()
+                && self
+                    .topic
+                    .channels
+                    .binary_search(&(self.file, channel))
+                    .is_ok()
             {
                 self.recorded_ns = recorded_ns;
                 size = Some(data.len());
@@ -270,12 +315,8 @@ impl Messages {
 
     /// Whether a channel belongs to the topic.
     fn has(&self, channel: u32) -> bool {
-        self.topic.channels.binary_search(&channel).is_ok()
-    }
-
-    /// The bytes of the current message.
-    pub(super) fn bytes(&self) -> &[u8] {
-        &self.block[self.message.clone()]
+        let channels = &self.topic.channels;
+        channels.binary_search(&(self.file, channel)).is_ok()
     }
 
     /// When the current message was recorded, seconds.
@@ -288,7 +329,11 @@ impl Messages {
         &'a self,
         convert: impl FnOnce(M) -> Decoded<T>,
     ) -> Decoded<T> {
-        decode(&self.topic.encoding, self.bytes()).and_then(convert)
+        let bytes = match &self.unpacked {
+            Some(unpacked) => unpacked.as_ref().map_err(Fault::clone)?,
+            None => &self.block[self.message.clone()],
+        };
+        decode(&self.topic.encoding, bytes).and_then(convert)
     }
 
     /// A format error at the record of the current message, or at its chunk.
@@ -300,7 +345,21 @@ impl Messages {
 
     /// The error of the first damaged place of the file, if there is one.
     pub(super) fn take_damage(&mut self) -> Option<Error> {
-        self.walk.take_damage()
+        self.damage.take().or_else(|| self.walk.take_damage())
+    }
+
+    /// Bytes read so far.
+    pub(super) fn bytes_read(&self) -> u64 {
+        let before = self.files[..self.file].iter().map(size);
+        before.sum::<u64>().saturating_add(self.walk.bytes_read())
+    }
+
+    /// Size of the files in bytes, of the current one after unpacking.
+    pub(super) fn bytes_total(&self) -> u64 {
+        let before = self.files[..self.file].iter().map(size);
+        let after = self.files.iter().skip(self.file + 1).map(size);
+        let others = before.chain(after).sum::<u64>();
+        others.saturating_add(self.walk.bytes_total())
     }
 
     /// The topic.
@@ -312,6 +371,11 @@ impl Messages {
     pub(super) fn walk(&self) -> &Walk {
         &self.walk
     }
+}
+
+/// The size of a file in bytes, 0 if it is unknown.
+fn size(input: &Input) -> u64 {
+    input.path().metadata().map_or(0, |found| found.len())
 }
 
 /// Messages of a topic that cannot be used.

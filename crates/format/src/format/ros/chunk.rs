@@ -1,8 +1,9 @@
 //! Unpacking of the chunks of a bag into records.
 
-use super::compression::unpack;
+use super::compression::{Unpacked, unpack};
 use super::records::{Cursor, Raw};
 use super::walk::{Container, Walk};
+use super::wire::{Decoded, Fault};
 use super::{mcap, rosbag};
 use crate::error::Result;
 use crate::format::file;
@@ -85,6 +86,30 @@ impl Walk {
         self.unpacked += into.len() as u64;
         let checked = self.check(size, into.len() as u64, crc, into, unpacked.fault);
         Ok(checked.map(|()| 0))
+    }
+
+    /// Unpacks a message that was compressed by itself.
+    pub(super) fn unpack_message(&mut self, packed: &[u8]) -> Decoded<Vec<u8>> {
+        let limit = self.largest_allocation();
+        let most = limit.min(self.most_unpacked() - self.unpacked);
+        let most = usize::try_from(most).unwrap_or(usize::MAX);
+        let unpacked = file::guarded(self.path(), "bag", || {
+            Ok(unpack(b"zstd", packed, most, limit))
+        });
+        let fault = |why: &str| {
+            let found = format!("compression that cannot be unpacked ({why})");
+            Fault::new(found, "an undamaged message, compressed with zstd")
+        };
+        match unpacked {
+            Ok(Some(Unpacked { bytes, fault: None })) => {
+                self.unpacked += bytes.len() as u64;
+                Ok(bytes)
+            }
+            Ok(Some(Unpacked {
+                fault: Some(why), ..
+            })) => Err(fault(&why)),
+            Ok(None) | Err(_) => Err(fault("damaged")),
+        }
     }
 
     /// Checks size and checksum of an unpacked chunk against its head, unless the chunk is cut off.

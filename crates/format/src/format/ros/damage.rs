@@ -26,8 +26,10 @@ impl Walk {
             ));
         }
         if self.is_cut {
+            let name = self.path().file_name().unwrap_or_default();
             self.input().remark(format!(
-                "the recording is cut off at byte {}: it is read to its last complete message",
+                "{} is cut off at byte {}: it is read to its last complete message",
+                name.display(),
                 self.bytes_total()
             ));
         }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::tests::{SAMPLES, points_of, sample};
+use super::tests::{SAMPLES, plain_samples, points_of, sample};
 use super::*;
 
 /// A pseudo-random number generator.
@@ -73,7 +73,7 @@ fn read_everything(path: &Path) -> bool {
 fn for_damaged(count: u64, mut check: impl FnMut(&Path)) {
     let dir = tempfile::tempdir().unwrap();
     let path: PathBuf = dir.path().join("damaged");
-    for name in SAMPLES {
+    for name in SAMPLES.iter().filter(|name| sample(name).is_file()) {
         let whole = std::fs::read(sample(name)).unwrap();
         for seed in 0..count {
             let mut dice = Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -102,7 +102,7 @@ fn a_truncated_bag_is_read_up_to_its_last_complete_message() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("cut");
     // The pages of a database are in any order.
-    for name in SAMPLES.iter().filter(|name| !name.contains(".db3")) {
+    for name in plain_samples() {
         let whole = std::fs::read(sample(name)).unwrap();
         let all = read_imu(&Input::from(&sample(name)), None).unwrap();
         let mut last = 0;
@@ -194,7 +194,7 @@ fn damage_in_a_complete_bag_costs_its_chunk_and_is_reported_with_its_byte() {
 fn a_copy_holds_all_that_can_be_read_and_is_whole() {
     let dir = tempfile::tempdir().unwrap();
     let [damaged, copy] = ["damaged", "copy"].map(|name| dir.path().join(name));
-    for name in SAMPLES.iter().filter(|name| !name.contains(".db3")) {
+    for name in plain_samples() {
         let whole = sample(name);
         let all = read_imu(&Input::from(&whole), None).unwrap();
         let copied = copy_whole_records(&Input::from(&whole), &copy).unwrap();

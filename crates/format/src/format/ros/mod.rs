@@ -1,5 +1,8 @@
 //! Recordings of ROS: bags of ROS 2 as MCAP (`.mcap`) and SQLite (`.db3`), and of ROS 1 (`.bag`, version 2.0).
 //!
+//! The files of a recording of ROS 2 that is split are read one after another; its folder or its `metadata.yaml` stands
+//! for them.
+//!
 //! A recording that was cut off is read to its last complete message. The messages of a topic are read
 //! in the order of the file; their times are the stamps in their headers.
 
@@ -19,6 +22,7 @@ mod ros1;
 mod rosbag;
 mod rows;
 mod salvage;
+mod split;
 mod sqlite;
 mod timed;
 mod walk;
@@ -54,6 +58,7 @@ pub(crate) const BAG: Kind = Kind {
         let file = Input::from(&file_of(input.path()));
         Ok(format!("topics: {}", list(&topics(&file)?)))
     }),
+    beside: Some(split::beside),
     note: "if there are several topics, name one after the file: `drive.mcap#/topic`",
     frame: Frame::OfFile(frames::describe),
     ..Kind::new("ros-bag", "recording (ROS bag, MCAP or .db3)")
@@ -73,9 +78,14 @@ const POSES: [&str; 4] = [ODOMETRY, POSE, POSE_WITH_COVARIANCE, TRANSFORM];
 
 /// Whether these are the first bytes of a bag, including ROS 1 bags of versions that are not read.
 pub(crate) fn looks_like(start: &[u8]) -> bool {
-    [mcap::MAGIC, rosbag::ANY_VERSION, sqlite::MAGIC]
-        .iter()
-        .any(|magic| start.starts_with(magic))
+    [
+        mcap::MAGIC,
+        rosbag::ANY_VERSION,
+        sqlite::MAGIC,
+        split::START,
+    ]
+    .iter()
+    .any(|magic| start.starts_with(magic))
 }
 
 /// Lists the topics of a bag by name, from the indices of its chunks if it has them, otherwise from
@@ -216,6 +226,7 @@ pub(crate) fn readable(input: &Input, wanted: Option<&str>) -> Result<Vec<(Conte
 /// The topic called `wanted`, with or without the slash before its name, or the only topic of these
 /// `types` that has messages.
 fn choose(input: &Input, wanted: Option<&str>, types: &[&str], what: &str) -> Result<Topic> {
+    split::remark_on_others(input);
     let topics = topics(input)?;
     let fits = |topic: &Topic| types.contains(&topic.message_type.as_str());
     let refused = |found: String, expected: String| {

@@ -241,11 +241,11 @@ impl ProfileReader for BagPoints {
     }
 
     fn bytes_read(&self) -> u64 {
-        self.messages.walk().bytes_read()
+        self.messages.bytes_read()
     }
 
     fn bytes_total(&self) -> u64 {
-        self.messages.walk().bytes_total()
+        self.messages.bytes_total()
     }
 }
 

@@ -7,7 +7,7 @@ use crate::geometry::Vec3;
 use crate::sensor::ScanPoint;
 
 /// All samples; they contain the same messages.
-pub(super) const SAMPLES: [&str; 12] = [
+pub(super) const SAMPLES: [&str; 15] = [
     "plain.bag",
     "bz2.bag",
     "lz4.bag",
@@ -20,7 +20,16 @@ pub(super) const SAMPLES: [&str; 12] = [
     "rosbags.mcap",
     "rosbags.db3.zst",
     "small_pages.db3",
+    "messages.db3.zst",
+    "messages.mcap.zst",
+    "split",
 ];
+
+/// Those of one file that is neither compressed as a whole nor a database.
+pub(super) fn plain_samples() -> impl Iterator<Item = &'static str> {
+    let is_plain = |name: &&str| name.ends_with(".bag") || name.ends_with(".mcap");
+    SAMPLES.into_iter().filter(is_plain)
+}
 
 const START_S: f64 = 1_700_000_000.0;
 /// Stamps near [`START_S`] are multiples of this.

@@ -1,4 +1,4 @@
-//! Text: lines, tables, units, dates.
+//! Text: lines, tables, units, dates, YAML.
 
 pub(super) mod civil;
 pub(super) mod growing;
@@ -7,3 +7,4 @@ pub(super) mod numerals;
 pub(super) mod table;
 pub(super) mod unit;
 pub(super) mod whole_lines;
+pub(super) mod yaml;
