@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 45] = [
+pub(crate) const KINDS: [&Kind; 46] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -13,6 +13,7 @@ pub(crate) const KINDS: [&Kind; 45] = [
     &ros::BAG,
     &cloud::npy::NPY,
     &cloud::pcd::PCD,
+    &cloud::terrascan::FILE,
     &mountings::bonn_xml::MOUNTING,
     &log::euroc::IMU_LOG,
     &log::euroc::POSES,

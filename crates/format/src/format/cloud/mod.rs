@@ -20,6 +20,7 @@ pub(super) mod sink_checks;
 #[cfg(test)]
 pub(super) mod sink_tests;
 pub(super) mod table;
+pub(super) mod terrascan;
 pub(super) mod velodyne;
 pub(super) mod viewpoints;
 mod xyz_header;
