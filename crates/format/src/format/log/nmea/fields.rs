@@ -1,6 +1,6 @@
 //! The content of sentences, and the numbers in their fields.
 
-use crate::format::text::civil::second_of_day;
+use crate::format::text::civil::{days_since_1970, second_of_day};
 use crate::geometry::Vec3;
 use crate::sensor::FixQuality;
 
@@ -25,10 +25,13 @@ pub(super) struct Heading {
     pub(super) pitch_sigma_deg: Option<f64>,
 }
 
+/// The number of KSXT among the sentences with positions.
+pub(super) const KSXT: usize = 2;
+
 /// A position with the other values of its sentence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
-    /// Its sentence: 0 for GGA, 1 for GGK.
+    /// Its sentence: 0 for GGA, 1 for GGK, 2 for KSXT.
     pub(super) kind: usize,
     /// Second of the day.
     pub(super) second_s: f64,
@@ -84,4 +87,12 @@ pub(super) fn second_s(text: &str) -> Option<f64> {
     let (hour, minute, second) = (text.get(..2)?, text.get(2..4)?, text.get(4..)?);
     let second_s = number(second).filter(|_| second.len() == 2 || second.get(2..3) == Some("."))?;
     second_of_day(digits(hour)?, digits(minute)?, second_s)
+}
+
+/// Parses `yyyymmddhhmmss.ss` to the days since 1970 and the second of the day.
+pub(super) fn date_and_second(text: &str) -> Option<(i64, f64)> {
+    let (date, time) = text.split_at_checked(8)?;
+    let part = |from: usize, to: usize| digits::<i64>(date.get(from..to)?);
+    let date = days_since_1970(part(0, 4)?, part(4, 6)?, part(6, 8)?)?;
+    Some((date, second_s(time)?))
 }

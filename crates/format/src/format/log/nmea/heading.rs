@@ -1,7 +1,6 @@
 //! Sentences with headings.
 
-use super::fields::{Heading, Sentence, digits, number, second_s};
-use crate::format::text::civil::days_since_1970;
+use super::fields::{Heading, Sentence, date_and_second, digits, number, second_s};
 
 /// A heading in degrees, 0 to 360.
 fn heading_deg(text: &str) -> Option<f64> {
@@ -100,9 +99,8 @@ pub(super) fn avr(fields: &[&str]) -> Option<Sentence> {
     Some(Sentence::Heading(3, heading))
 }
 
-/// `yyyymmddhhmmss.ss, longitude, latitude, height, heading, pitch, track, speed, roll, quality of the position, of the
-/// heading, …` of receivers with two antennas by Unicore. Only quality 3 has fixed ambiguities.
-pub(super) fn ksxt(fields: &[&str]) -> Option<Sentence> {
+/// The heading of KSXT, see [`place_of_ksxt`](super::place::place_of_ksxt). Only quality 3 has fixed ambiguities.
+pub(super) fn heading_of_ksxt(fields: &[&str]) -> Option<Sentence> {
     let &[time, _, _, _, heading, pitch, _, _, _, _, quality, ..] = fields else {
         return None;
     };
@@ -111,15 +109,10 @@ pub(super) fn ksxt(fields: &[&str]) -> Option<Sentence> {
         (_, "3") => {}
         _ => return Some(Sentence::NotFixed),
     }
-    let (date, time) = time.split_at_checked(8)?;
-    let (year, month, day) = (
-        digits(&date[..4])?,
-        digits(date.get(4..6)?)?,
-        digits(date.get(6..)?)?,
-    );
+    let (date, second_s) = date_and_second(time)?;
     let heading = Heading {
-        second_s: Some(second_s(time)?),
-        date: Some(days_since_1970(year, month, day)?),
+        second_s: Some(second_s),
+        date: Some(date),
         heading_deg: heading_deg(heading)?,
         pitch_deg: angle_deg(pitch)?,
         ..Heading::default()

@@ -23,6 +23,7 @@ mod clock;
 mod fields;
 mod heading;
 mod place;
+mod positions;
 mod sentence;
 mod skipped;
 #[cfg(test)]
@@ -31,15 +32,15 @@ mod tests;
 use std::path::Path;
 
 use self::clock::{Clock, Moment};
-use self::fields::{Heading, Place, Sentence, Useless};
+use self::fields::{Heading, KSXT, Place, Sentence, Useless};
+use self::positions::read_positions;
 use self::sentence::{for_each_piece, parse, pieces};
-use self::skipped::{Skipped, UNDATED, WITHOUT_FIX, WITHOUT_SEPARATION, WITHOUT_TIME};
+use self::skipped::{Skipped, UNDATED, WITHOUT_FIX, WITHOUT_TIME};
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::left_out::{DAMAGED, NOT_FIXED, WRONG_CHECKSUM};
-use crate::geometry::Vec3;
-use crate::sensor::{GeographicFix, HeadingFix};
+use crate::sensor::HeadingFix;
 
 pub(crate) const LOG: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
@@ -76,7 +77,12 @@ fn scan_to(input: &Input, mut take: impl FnMut(u64, Sentence, &mut Skipped)) -> 
         let (has_checksum, sentence) = parse(piece);
         match sentence {
             Ok(_) if has_checksums && !has_checksum => skipped.lost.add(DAMAGED),
-            Ok(sentence) => take(end, sentence, &mut skipped),
+            Ok((sentence, other)) => {
+                take(end, sentence, &mut skipped);
+                if let Some(other) = other {
+                    take(end, other, &mut skipped);
+                }
+            }
             Err(Useless::Other) => skipped.other += 1,
             Err(Useless::WrongChecksum) => skipped.lost.add(WRONG_CHECKSUM),
             Err(Useless::Damaged) => skipped.lost.add(DAMAGED),
@@ -116,6 +122,8 @@ fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
     let mut by_sentence: [Vec<(Moment, Heading)>; 5] = Default::default();
     let mut late = [0; 5];
     let mut skipped = scan(input, |sentence, skipped| match sentence {
+        // KSXT has its own heading, and may come after that of another sentence in its burst.
+        Sentence::Position(Place { kind: KSXT, .. }) => {}
         Sentence::Position(place) => epoch = Some(clock.at_maybe(place.second_s, place.date)),
         Sentence::Date(second_s, date) => epoch = Some(clock.at_date(second_s, date)),
         Sentence::Heading(kind, heading) => {
@@ -187,118 +195,6 @@ fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     Ok(log.records)
 }
 
-/// Positions with the standard deviations of the GST sentences with their times.
-#[derive(Default)]
-struct Fixes {
-    /// By the kind of their sentence.
-    by_sentence: [Vec<(Moment, GeographicFix)>; 2],
-    /// Second of the day and standard deviations of the last GST.
-    accuracy: Option<(f64, Vec3)>,
-}
-
-impl Fixes {
-    fn push(&mut self, moment: Moment, place: &Place, separation_m: f64) {
-        let [latitude_rad, longitude_rad] = place.place_deg.map(f64::to_radians);
-        let accuracy = self
-            .accuracy
-            .filter(|(second_s, _)| *second_s == place.second_s);
-        let fix = GeographicFix {
-            time_s: 0.0,
-            latitude_rad,
-            longitude_rad,
-            height_m: place.altitude_m + separation_m,
-            sigma_m: accuracy.map(|(_, sigma_m)| sigma_m),
-            quality: Some(place.quality),
-        };
-        self.by_sentence[place.kind].push((moment, fix));
-    }
-
-    /// Takes a GST, which comes before or after the position with its time.
-    fn take(&mut self, second_s: f64, sigma_m: Vec3) {
-        self.accuracy = Some((second_s, sigma_m));
-        for fixes in &mut self.by_sentence {
-            if let Some((_, fix)) = fixes.last_mut().filter(|(m, _)| m.second_s == second_s) {
-                fix.sigma_m = Some(sigma_m);
-            }
-        }
-    }
-}
-
-/// The error for a log without a position.
-fn no_positions(path: &Path, skipped: &Skipped) -> Error {
-    let without_separation = skipped.lost.count(WITHOUT_SEPARATION);
-    if without_separation == 0 {
-        let expected = "positions (GGA with a fix and a geoid separation, or PTNL,GGK)";
-        return no_records(path, skipped, expected);
-    }
-    let found = format!(
-        "{without_separation} positions (GGA) without the separation of geoid and ellipsoid, so that their heights above \
-         the ellipsoid are unknown"
-    );
-    let expected = "GGA with the separation in its 11th field: set the receiver to write it, or to write PTNL,GGK";
-    Error::format(path, Location::Whole, found, expected)
-}
-
-/// Reads the positions of a log from its GGA or PTNL,GGK sentences, whichever are more, with the standard deviations of
-/// its GST sentences, and counts skipped sentences.
-///
-/// # Errors
-/// No position with a fix and the separation of geoid and ellipsoid, without which the ellipsoidal height
-/// is unknown.
-fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>> {
-    let mut clock = Clock::default();
-    let mut fixes = Fixes::default();
-    let mut skipped = scan(input, |sentence, skipped| match sentence {
-        Sentence::Position(place) => {
-            let moment = clock.at_maybe(place.second_s, place.date);
-            match place.separation_m {
-                Some(separation_m) => fixes.push(moment, &place, separation_m),
-                None => skipped.lost.add(WITHOUT_SEPARATION),
-            }
-        }
-        Sentence::Accuracy(second_s, sigma_m) => fixes.take(second_s, sigma_m),
-        Sentence::Date(second_s, date) => {
-            clock.at_date(second_s, date);
-        }
-        Sentence::Heading(_, heading) => {
-            heading
-                .second_s
-                .map(|second_s| clock.at_maybe(second_s, heading.date));
-        }
-        Sentence::NoPosition => skipped.lost.add(WITHOUT_FIX),
-        Sentence::NoHeading | Sentence::NotFixed | Sentence::NoDate | Sentence::NoAccuracy => {}
-    })?;
-    let [gga, ggk] = fixes.by_sentence;
-    let all = if ggk.len() > gga.len() {
-        [ggk, gga]
-    } else {
-        [gga, ggk]
-    };
-    let [fixes, other] = all;
-    if fixes.is_empty() {
-        return Err(no_positions(input.path(), &skipped));
-    }
-    skipped.other += other.len() as u64;
-    let mut undated = 0;
-    let fixes = clock.date(fixes, &mut undated);
-    skipped.lost.add_all(UNDATED, undated);
-    let records = fixes
-        .into_iter()
-        .map(|(time_s, fix)| GeographicFix { time_s, ..fix });
-    let records = records.collect();
-    Ok(NmeaLog { records, skipped })
-}
-
-/// Reads the positions of a log: see [`read_position_log`].
-///
-/// # Errors
-/// Those of [`read_position_log`].
-fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
-    let log = read_position_log(input)?;
-    log.skipped.lost.remark(input, "NMEA sentences");
-    Ok(log.records)
-}
-
 /// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.
 fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
     let mut clock = Clock::default();
@@ -319,6 +215,8 @@ fn record_ends(input: &Input) -> Result<Vec<(u64, f64)>> {
         };
         ends.extend(moment.map(|moment| (moment, end)));
     })?;
+    // A KSXT has two contents.
+    ends.dedup();
     let ends = clock.date(ends, &mut 0).into_iter();
     Ok(ends.map(|(time_s, end)| (end, time_s)).collect())
 }

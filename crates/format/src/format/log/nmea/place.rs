@@ -1,6 +1,6 @@
 //! Sentences with positions and their accuracy.
 
-use super::fields::{Place, Sentence, digits, number, second_s};
+use super::fields::{KSXT, Place, Sentence, date_and_second, digits, number, second_s};
 use crate::format::text::civil::days_since_1970;
 use crate::geometry::Vec3;
 use crate::sensor::FixQuality;
@@ -124,6 +124,48 @@ pub(super) fn ggk(fields: &[&str]) -> Option<Sentence> {
         place_deg: place_deg([lat, ns, lon, ew])?,
         altitude_m: height_m,
         separation_m: Some(0.0),
+        quality,
+    }))
+}
+
+/// The position of `yyyymmddhhmmss.ss, longitude, latitude, height, heading, pitch, track, speed, roll, quality of the
+/// position, of the heading, …` of receivers with two antennas by Unicore and ComNav. The height is that of GGA, above the
+/// sea: so it is in recordings of both sentences.
+pub(super) fn place_of_ksxt(fields: &[&str]) -> Option<Sentence> {
+    let &[
+        time,
+        longitude,
+        latitude,
+        height,
+        _,
+        _,
+        _,
+        _,
+        _,
+        quality,
+        ..,
+    ] = fields
+    else {
+        return None;
+    };
+    let quality = match quality {
+        "" | "0" => return Some(Sentence::NoPosition),
+        "2" => FixQuality::Float,
+        "3" => FixQuality::Fixed,
+        other => {
+            digits::<u8>(other)?;
+            FixQuality::Single
+        }
+    };
+    let (date, second_s) = date_and_second(time)?;
+    let angle = |text: &str, most: f64| number(text).filter(|angle| angle.abs() <= most);
+    Some(Sentence::Position(Place {
+        kind: KSXT,
+        second_s,
+        date: Some(date),
+        place_deg: [angle(latitude, 90.0)?, angle(longitude, 180.0)?],
+        altitude_m: number(height)?,
+        separation_m: None,
         quality,
     }))
 }

@@ -3,10 +3,11 @@
 use std::io::{BufRead, BufReader, Read};
 
 use super::fields::{Sentence, Useless, digits, second_s};
-use super::heading::{avr, hdt, ksxt, pashr, ths};
-use super::place::{gga, ggk, gst};
+use super::heading::{avr, hdt, heading_of_ksxt, pashr, ths};
+use super::place::{gga, ggk, gst, place_of_ksxt};
 use crate::error::{Error, Result};
 use crate::format::input::Input;
+use crate::format::log::novatel;
 use crate::format::text::civil::days_since_1970;
 
 /// Sentences have at most 82 characters; the limit keeps binary files from filling the memory.
@@ -50,13 +51,33 @@ pub(super) fn pieces(bytes: &[u8], mut take: impl FnMut(&[u8])) {
     }
 }
 
+/// Whether a checksum is that of a sentence: the exclusive or of its bytes, or for receivers of ComNav, which write eight
+/// digits, the checksum of NovAtel's messages. `None` if it is no number.
+fn is_sum(body: &[u8], digits: &[u8]) -> Option<bool> {
+    let count = digits.iter().take_while(|b| b.is_ascii_hexdigit()).count();
+    let digits = digits.get(..if count == 8 { 8 } else { 2 })?;
+    // The conversion also accepts a sign.
+    let digits = std::str::from_utf8(digits).ok().filter(|_| count >= 2)?;
+    let sum = u32::from_str_radix(digits, 16).ok()?;
+    Some(if digits.len() == 8 {
+        sum == novatel::sum(body)
+    } else {
+        sum == body.iter().fold(0, |sum, byte| sum ^ u32::from(*byte))
+    })
+}
+
 /// Verifies the checksum of a sentence, if it has one, and parses the sentence. The first value tells
-/// whether it has a checksum.
-pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useless>) {
+/// whether it has a checksum. Only KSXT has two contents, a position and a heading.
+pub(super) fn parse(
+    piece: &[u8],
+) -> (
+    bool,
+    std::result::Result<(Sentence, Option<Sentence>), Useless>,
+) {
     let star = piece.iter().position(|byte| *byte == b'*');
     let (body, sum) = match star {
-        Some(star) => (&piece[..star], piece.get(star + 1..star + 3)),
-        None => (piece, None),
+        Some(star) => (&piece[..star], &piece[star + 1..]),
+        None => (piece, &piece[..0]),
     };
     let Ok(body) = std::str::from_utf8(body) else {
         return (false, Err(Useless::Other));
@@ -69,19 +90,18 @@ pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useles
         return (false, Err(Useless::Other));
     }
     if star.is_some() {
-        let sum = sum.and_then(|sum| std::str::from_utf8(sum).ok());
-        // The conversion also accepts a sign.
-        let sum = sum.filter(|sum| sum.bytes().all(|b| b.is_ascii_hexdigit()));
-        let Some(sum) = sum.and_then(|sum| u8::from_str_radix(sum, 16).ok()) else {
-            return (false, Err(Useless::Damaged));
-        };
-        if sum != body.bytes().fold(0, |sum, byte| sum ^ byte) {
-            return (true, Err(Useless::WrongChecksum));
+        match is_sum(body.as_bytes(), sum) {
+            None => return (false, Err(Useless::Damaged)),
+            Some(false) => return (true, Err(Useless::WrongChecksum)),
+            Some(true) => {}
         }
     }
     let fields: Vec<&str> = fields.map(str::trim_ascii).collect();
     let sentence = match (address, address.get(2..).unwrap_or_default()) {
-        ("KSXT", _) => ksxt(&fields),
+        ("KSXT", _) => {
+            let both = place_of_ksxt(&fields).zip(heading_of_ksxt(&fields).map(Some));
+            return (star.is_some(), both.ok_or(Useless::Damaged));
+        }
         ("PTNL", _) if fields.first() == Some(&"AVR") => avr(&fields),
         ("PTNL", _) if fields.first() == Some(&"GGK") => ggk(&fields),
         ("PASHR", _) if fields.get(2) == Some(&"T") => pashr(&fields),
@@ -98,6 +118,7 @@ pub(super) fn parse(piece: &[u8]) -> (bool, std::result::Result<Sentence, Useles
         (_, "RMC") => rmc(&fields),
         _ => return (star.is_some(), Err(Useless::Other)),
     };
+    let sentence = sentence.map(|sentence| (sentence, None));
     (star.is_some(), sentence.ok_or(Useless::Damaged))
 }
 

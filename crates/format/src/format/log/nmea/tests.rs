@@ -1,4 +1,6 @@
+use super::positions::read_position_log;
 use super::sentence::*;
+use super::skipped::WITHOUT_SEPARATION;
 use super::*;
 use crate::format::mutation::for_each_damaged;
 use crate::sensor::FixQuality;
@@ -174,7 +176,7 @@ fn damaged_files_do_not_panic() {
 fn read(body: &str) -> std::result::Result<Sentence, Useless> {
     let (has_checksum, sentence) = parse(body.as_bytes());
     assert!(!has_checksum, "{body}");
-    sentence
+    sentence.map(|(sentence, _)| sentence)
 }
 
 #[test]
@@ -296,4 +298,65 @@ fn dates_need_a_valid_status_and_calendar() {
     assert_eq!(read(&rmc.replace('A', "V")), Ok(Sentence::NoDate));
     assert_eq!(read("GPZDA,,,,,00,00"), Ok(Sentence::NoDate));
     assert_eq!(read("GPZDA,120000,30,02,2024"), Err(Useless::Damaged));
+}
+
+/// Sentences of a receiver by Unicore in one second, and of two more; and one of a receiver with the checksum of ComNav.
+/// Recorded by others.
+const KSXT_LOG: [&str; 4] = [
+    "$GNGGA,122420.00,2140.83628676,N,11055.10256280,E,1,26,0.6,53.3950,M,-13.4261,M,,*6D\r\n",
+    "$KSXT,20240830122420.00,110.91837605,21.68060478,53.3950,0.00,0.00,152.04,0.407,,1,0,0,26,,,,0.191,-0.359,0.606,,*0F\r\n",
+    "$KSXT,20240830122421.00,110.91837716,21.68060120,54.5514,0.00,0.00,179.68,0.421,,1,0,0,26,,,,0.002,-0.421,0.369,,*00\r\n",
+    "$KSXT,20201222075720.00,119.17084152,32.07387900,83.5770,269.94,1.19,207.28,0.001,,3,3,25,25,-3.617,-4.468,-7.860,\
+     -0.000,-0.001,-0.022,1.0,56,*33736701\r\n",
+];
+
+#[test]
+fn positions_of_ksxt_have_the_height_of_gga() {
+    let [gga, same, next, comnav] = KSXT_LOG;
+    let of = |text: &str| {
+        with(text, |input| {
+            (read_positions(input).unwrap(), input.remarks().join("\n"))
+        })
+    };
+    let (expected, _) = of(gga);
+    // GGA is read if it is as frequent, and gives the separation before and after it.
+    for text in [
+        format!("{same}{gga}"),
+        format!("{gga}{same}{next}"),
+        format!("{same}{next}{gga}"),
+    ] {
+        let (found, remarks) = of(&text);
+        assert_eq!(found[0].time_s, 1_725_020_660.0);
+        assert!((found[0].latitude_rad - expected[0].latitude_rad).abs() < 1e-10);
+        assert!((found[0].longitude_rad - expected[0].longitude_rad).abs() < 1e-10);
+        assert!((found[0].height_m - (53.3950 - 13.4261)).abs() < 1e-9);
+        assert_eq!(found[0].quality, Some(FixQuality::Single));
+        assert_eq!(remarks, "");
+    }
+    let (found, remarks) = of(&format!("{same}{next}"));
+    assert_eq!(
+        found.iter().map(|fix| fix.height_m).collect::<Vec<_>>(),
+        [53.395, 54.5514]
+    );
+    assert!(remarks.contains("above the sea"), "{remarks}");
+    let (found, _) = of(comnav);
+    assert_eq!(
+        (found[0].quality, found[0].height_m),
+        (Some(FixQuality::Fixed), 83.577)
+    );
+    let heading = with(comnav, read_heading).unwrap()[0];
+    assert!((heading.heading_rad.to_degrees() - 269.94).abs() < 1e-9);
+    let damaged = comnav.replace("83.5770", "83.5771");
+    let error = with(&format!("{same}{damaged}"), read_heading)
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("1 with a wrong checksum"), "{error}");
+    // Without a fix and a time.
+    let text = format!(
+        "{same}$KSXT,,0.00000000,0.00000000,0.0000,0.00,0.00,0.00,0.000,,0,0,0,0,,,,0.000,0.000,0.000,,\n"
+    );
+    assert_eq!(of(&text).0.len(), 1);
+    let float = next.replace(",,1,0,0,", ",,2,0,0,");
+    let float = float.split('*').next().unwrap();
+    assert_eq!(of(float).0[0].quality, Some(FixQuality::Float));
 }

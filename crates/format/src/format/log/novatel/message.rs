@@ -35,6 +35,29 @@ pub(super) fn gps_s(week: &str, second: &str) -> Option<f64> {
     is_of_week.then(|| f64::from(week) * WEEK_S + second_s)
 }
 
+/// Whether the time system of a header is that of GPS.
+fn is_gps(system: &str) -> bool {
+    matches!(system, "GPS" | "GPST")
+}
+
+/// Whether the time system of a header is that of BeiDou.
+fn is_beidou(system: &str) -> bool {
+    matches!(system, "BDS" | "BDST" | "BDT")
+}
+
+/// Seconds of GPS time, of the week and the second of BeiDou, whose time is 14 s behind that of GPS and whose weeks count
+/// from 2006. A week that would lie behind 2031 counts from 1980, as that of GPS.
+fn gps_of_beidou_s(counted_s: f64) -> f64 {
+    const BEHIND_S: f64 = 14.0;
+    const FIRST_WEEK_S: f64 = 1356.0 * WEEK_S;
+    let from_1980_s = if counted_s < FIRST_WEEK_S {
+        counted_s + FIRST_WEEK_S
+    } else {
+        counted_s
+    };
+    from_1980_s + BEHIND_S
+}
+
 /// What a header holds.
 struct Header<'a> {
     name: &'a str,
@@ -46,14 +69,24 @@ struct Header<'a> {
 /// - `#NAME, port, sequence, idle time, status of the time, GPS week, its second, status, reserved, version` of NovAtel;
 /// - `%NAME, GPS week, its second` of NovAtel, for messages of high rate;
 /// - `#NAME, idle time, GPS, status of the time, GPS week, its millisecond, reserved, version, leap seconds, delay` of
-///   Unicore. Weeks of BeiDou (`BDS` in the place of `GPS`) are not read.
+///   Unicore, and the same with `BDS` in the place of `GPS` and a week of BeiDou.
 fn header(line: &str) -> Option<(Header<'_>, &str)> {
     let (head, body) = line.get(1..)?.split_once(';')?;
     let cells: Vec<&str> = head.split(',').collect();
     let (status, gps_s) = match (line.as_bytes()[0], &cells[..]) {
-        (b'#', [_, _, "GPS", status, week, millisecond, ..]) if cells.len() == HEADER => {
+        (b'#', [_, _, system, status, week, millisecond, ..])
+            if cells.len() == HEADER && (is_gps(system) || is_beidou(system)) =>
+        {
             let second_s = f64::from(millisecond.parse::<u32>().ok()?) / 1e3;
-            (*status, gps_s(week, &second_s.to_string())?)
+            let counted_s = gps_s(week, &second_s.to_string())?;
+            (
+                *status,
+                if is_gps(system) {
+                    counted_s
+                } else {
+                    gps_of_beidou_s(counted_s)
+                },
+            )
         }
         (b'#', [_, _, _, _, status, week, second, ..]) if cells.len() == HEADER => {
             (*status, gps_s(week, second)?)
@@ -99,7 +132,7 @@ pub(super) fn parse(line: &str) -> Line<'_> {
 }
 
 /// The 32-bit checksum of the format: that of zip, but with zeros before the first byte and not inverted.
-pub(super) fn sum(bytes: &[u8]) -> u32 {
+pub(in crate::format::log) fn sum(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new_with_initial(u32::MAX);
     hasher.update(bytes);
     !hasher.finalize()
@@ -167,7 +200,7 @@ mod tests {
             "#",
             "é;",
             "#time,x;y*00000000",
-            "#BESTNAVA,97,BDS,FINE,834,365174000,0,0,18,15;SOL_COMPUTED*12345678",
+            "#BESTNAVA,97,GLO,FINE,834,365174000,0,0,18,15;SOL_COMPUTED*12345678",
             "$GPGGA,1*00",
         ] {
             assert_eq!(parse(line), Line::Other, "{line}");

@@ -12,13 +12,14 @@
 //! one is read.
 //!
 //! # Times
-//! GPS weeks with their seconds become seconds of the Unix epoch in UTC.
+//! Weeks of GPS or BeiDou with their seconds become seconds of the Unix epoch in UTC.
 
 mod message;
 mod records;
 #[cfg(test)]
 mod tests;
 
+pub(super) use self::message::sum;
 use self::message::{Line, Message, is_start, parse};
 use crate::error::Result;
 use crate::format::input::Input;

@@ -165,6 +165,19 @@ fn positions_of_unicore_are_read() {
 }
 
 #[test]
+fn weeks_of_beidou_become_those_of_gps() {
+    let gps = with(UNICORE, |input| read_positions(input).unwrap()[0]);
+    let text = UNICORE[1..].split('*').next().unwrap();
+    for (system, week) in [("BDS", 2406 - 1356), ("BDST", 2406 - 1356), ("BDS", 2406)] {
+        let other = format!("{system},FINE,{week},{}", 92_751_000 - 14_000);
+        let text = text.replace("GPS,FINE,2406,92751000", &other);
+        let text = format!("#{text}*{:08x}\n", sum(text.as_bytes()));
+        let found = with(&text, |input| read_positions(input).unwrap()[0]);
+        assert_eq!(found, gps, "{other}");
+    }
+}
+
+#[test]
 fn headings_of_two_antennas_need_fixed_ambiguities() {
     let heading = |kind: &str| {
         let body = format!("SOL_COMPUTED,{kind},0.9276,178.3478,-1.3037,0,0.2619,0,\"R222\"");
