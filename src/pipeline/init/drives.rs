@@ -1,5 +1,6 @@
 //! Whether the files of a folder are those of one drive.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -124,15 +125,17 @@ fn by_folder(files: &SortedFiles, name_of: impl Fn(&Path) -> String) -> Vec<Vec<
 /// The drives by the rates at which they turn: logs of an IMU or poses of the same times, as the time of the day and times
 /// that start at 0 are in every drive.
 fn by_turning<'a>(folder: &Path, files: &'a SortedFiles) -> Vec<Vec<&'a Path>> {
-    let logs: Vec<&PathBuf> = files.imu.iter().chain(&files.poses).collect();
-    if logs.len() < 2 {
+    if files.turnings.len() + files.poses.len() < 2 {
         return Vec::new();
     }
-    let mut drives: Vec<(Turning, Vec<&Path>)> = Vec::new();
-    for path in logs {
-        let Some(turning) = Turning::of(&Input::from(&folder.join(path))) else {
-            continue;
-        };
+    let of_imus = files.turnings.iter();
+    let of_imus = of_imus.map(|(path, turning)| (path, Cow::Borrowed(turning)));
+    let of_poses = files.poses.iter().filter_map(|path| {
+        let turning = Turning::of_poses(&Input::from(&folder.join(path)))?;
+        Some((path, Cow::Owned(turning)))
+    });
+    let mut drives: Vec<(Cow<'_, Turning>, Vec<&Path>)> = Vec::new();
+    for (path, turning) in of_imus.chain(of_poses) {
         match drives
             .iter_mut()
             .find(|(first, _)| !first.differs_from(&turning))

@@ -2,26 +2,31 @@
 
 use std::collections::HashSet;
 use std::fmt;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use super::role::{Role, is_log};
+use super::turning::Turning;
 use crate::error::{Error, Location, Problem, Result};
-use crate::format::{self, Format, Input, utc};
+use crate::format::{self, DescribedNoise, Format, Input, utc};
 use crate::geometry::BodyFromScanner;
 
 /// Depth of the subfolders that are searched.
 const DEEPEST: usize = 4;
 /// Largest number of files: a folder with more is not the folder of a drive.
 pub const MOST_FILES: usize = 10_000;
-/// Rows and bytes of a table that are looked at to tell a log from a cloud.
-const ROWS: usize = 1000;
-const BYTES: u64 = 1 << 20;
-
 const IMU: &str = "the samples of an IMU: [imu]";
 const HEADING: &str = "headings: [heading]";
 const GEOGRAPHIC: &str = "latitudes and longitudes of an antenna: [gnss], with frame.crs";
 const GEOGRAPHIC_POSES: &str = "poses with latitudes and longitudes: [trajectory], with frame.crs";
+
+/// The number of records, and their first and last time, seconds.
+type Extent = (Option<u64>, Option<[f64; 2]>);
+
+fn extent<T>(records: &[T], time_s: fn(&T) -> f64) -> Extent {
+    let times_s = || records.iter().map(time_s);
+    let span_s = times_s().reduce(f64::min).zip(times_s().reduce(f64::max));
+    (Some(records.len() as u64), span_s.map(Into::into))
+}
 
 /// A file, and what it can serve as.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +60,7 @@ impl fmt::Display for FileUse {
 }
 
 /// The files of a folder, sorted by purpose, with paths relative to the folder.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct SortedFiles {
     pub imu: Vec<PathBuf>,
     pub prism: Vec<PathBuf>,
@@ -68,6 +73,10 @@ pub struct SortedFiles {
     pub posed: Vec<(PathBuf, [f64; 2])>,
     pub clouds: Vec<PathBuf>,
     pub mountings: Vec<(PathBuf, BodyFromScanner)>,
+    /// The noise of the IMU logs beside these files.
+    pub noise: Vec<(PathBuf, DescribedNoise)>,
+    /// The rates at which the logs of IMUs turn.
+    pub turnings: Vec<(PathBuf, Turning)>,
     /// Recordings of several sensors, with a description of their contents.
     pub recordings: Vec<(PathBuf, String)>,
     /// Polar observations, which need the position of their total station.
@@ -167,6 +176,8 @@ impl SortedFiles {
                 let role = Role::of(format);
                 let inspection = match role {
                     Role::Cloud => None,
+                    // Its measurements are read once, when it is sorted.
+                    Role::Log if format.id() != "ros-bag" => None,
                     _ if format.id() == "project" => None,
                     _ => Some(format::inspect(input)),
                 };
@@ -184,12 +195,19 @@ impl SortedFiles {
                         }
                         Err(error) => self.cannot_read(error, input.path()),
                     },
+                    (_, "euroc-sensor") => match format::read_imu_noise(input) {
+                        Ok(noise) => {
+                            self.noise.push((path, noise));
+                            "the noise of the IMU log beside it: [imu]".to_owned()
+                        }
+                        Err(error) => self.cannot_read(error, input.path()),
+                    },
                     (Some(Ok(inspection)), "ros-bag") => {
                         let topics = inspection.notes.join("; ");
                         self.recordings.push((path, topics.clone()));
                         format!("a recording, of which a project names topics: {topics}")
                     }
-                    _ => self.sort(input, format, role, path),
+                    _ => self.sort(input, format, role, path, &mut found),
                 };
             }
         }
@@ -203,7 +221,14 @@ impl SortedFiles {
     }
 
     /// Sorts a file with one kind of measurements; returns what it can serve as.
-    fn sort(&mut self, input: &Input, format: Format, role: Role, path: PathBuf) -> String {
+    fn sort(
+        &mut self,
+        input: &Input,
+        format: Format,
+        role: Role,
+        path: PathBuf,
+        found: &mut FileUse,
+    ) -> String {
         let name = path.to_string_lossy().to_lowercase();
         let is_gnss = ["gnss", "gps", "rtk"]
             .iter()
@@ -232,7 +257,7 @@ impl SortedFiles {
                 }
                 (&mut self.prism, "the positions of a prism: [prism]")
             }
-            Role::Log => return self.sort_log(input, format, &path),
+            Role::Log => return self.sort_log(input, format, found),
             Role::None => (
                 &mut self.unknown,
                 "nothing: no measurements that a project uses",
@@ -242,38 +267,46 @@ impl SortedFiles {
         serves.to_owned()
     }
 
-    /// Sorts a log that may hold several kinds of measurements: it serves as all that can be read of it.
-    fn sort_log(&mut self, input: &Input, format: Format, path: &Path) -> String {
+    /// Sorts a log that may hold several kinds of measurements: it serves as all that can be read of it. Its count and its
+    /// span are those of the first kind.
+    fn sort_log(&mut self, input: &Input, format: Format, found: &mut FileUse) -> String {
         let (mut serves, mut last_error) = (Vec::new(), None);
-        let mut offer =
-            |has: bool, read: &dyn Fn() -> Result<()>, to: &mut Vec<PathBuf>, what| match has
-                .then(read)
-            {
-                Some(Ok(())) => {
-                    to.push(path.to_owned());
-                    serves.push(what);
+        let mut turning = None;
+        let imu = || {
+            format::read_imu(input).map(|samples| {
+                turning = Some(Turning::of_imu(&samples));
+                extent(&samples, |it| it.time_s)
+            })
+        };
+        let poses =
+            || format::read_geographic_poses(input).map(|poses| extent(&poses, |it| it.time_s));
+        let heading = || format::read_heading(input).map(|fixes| extent(&fixes, |it| it.time_s));
+        let geographic =
+            || format::read_geographic(input).map(|fixes| extent(&fixes, |it| it.time_s));
+        let path = found.path.clone();
+        let mut offer = |read: Option<Result<Extent>>, to: &mut Vec<PathBuf>, what| match read {
+            Some(Ok(extent)) => {
+                if serves.is_empty() {
+                    (found.count, found.span_s) = extent;
                 }
-                Some(Err(error)) => last_error = Some(error),
-                None => {}
-            };
-        let imu = || format::read_imu(input).map(drop);
-        let heading = || format::read_heading(input).map(drop);
-        let geographic = || format::read_geographic(input).map(drop);
-        let poses = || format::read_geographic_poses(input).map(drop);
-        offer(format.has_imu(), &imu, &mut self.imu, IMU);
-        offer(format.has_heading(), &heading, &mut self.heading, HEADING);
+                to.push(path.clone());
+                serves.push(what);
+            }
+            Some(Err(error)) => last_error = Some(error),
+            None => {}
+        };
+        offer(format.has_imu().then(imu), &mut self.imu, IMU);
         offer(
-            format.has_geographic(),
-            &geographic,
-            &mut self.gnss,
-            GEOGRAPHIC,
+            format.has_heading().then(heading),
+            &mut self.heading,
+            HEADING,
         );
-        offer(
-            format.has_geographic_poses(),
-            &poses,
-            &mut self.poses,
-            GEOGRAPHIC_POSES,
-        );
+        let has = format.has_geographic();
+        offer(has.then(geographic), &mut self.gnss, GEOGRAPHIC);
+        let has = format.has_geographic_poses();
+        offer(has.then(poses), &mut self.poses, GEOGRAPHIC_POSES);
+        self.turnings
+            .extend(turning.map(|turning| (path.clone(), turning)));
         match last_error.filter(|_| serves.is_empty()) {
             Some(error) => self.cannot_read(error, input.path()),
             None => serves.join("; "),
@@ -325,67 +358,4 @@ fn nothing(error: &Error, file: &Path) -> String {
         .strip_prefix(&path)
         .map(|rest| rest.trim_start_matches([',', ':', ' ']));
     format!("nothing: {}", rest.unwrap_or(&text))
-}
-
-/// Whether a table that was taken for a cloud looks like a log: it has a header, and the first column, which is not a
-/// coordinate, increases from row to row. Scanners measure many points at a time, or list their coordinates first.
-fn is_log(path: &Path) -> bool {
-    let Ok(file) = File::open(path) else {
-        return false;
-    };
-    let mut lines = BufReader::new(file.take(BYTES))
-        .lines()
-        .map_while(std::io::Result::ok);
-    let is_separator = |c: char| c == ',' || c == ';' || c.is_whitespace();
-    let Some(header) = lines.next() else {
-        return false;
-    };
-    let name = header
-        .trim_start_matches(['#', '/', ' ', '"'])
-        .to_lowercase();
-    let name = name
-        .split(is_separator)
-        .next()
-        .unwrap_or_default()
-        .trim_matches('"');
-    let is_coordinate = ["x", "e", "r", "y", "n", "h"]
-        .iter()
-        .any(|start| name.starts_with(start));
-    if name.is_empty() || is_coordinate || name.parse::<f64>().is_ok() {
-        return false;
-    }
-    let times = lines.take(ROWS).map_while(|line| {
-        let cell = line
-            .split(is_separator)
-            .next()?
-            .trim_matches('"')
-            .to_owned();
-        cell.parse::<f64>().ok()
-    });
-    let times: Vec<f64> = times.collect();
-    times.len() > 2 && times.windows(2).all(|pair| pair[0] < pair[1])
-}
-
-/// The purpose of files of a format.
-enum Role {
-    Cloud,
-    Profiles,
-    Poses,
-    Positions,
-    Log,
-    None,
-}
-
-impl Role {
-    fn of(format: Format) -> Self {
-        match format {
-            _ if format.has_imu() || format.has_heading() || format.has_geographic() => Self::Log,
-            _ if format.has_geographic_poses() => Self::Log,
-            _ if format.has_positions() => Self::Positions,
-            _ if format.has_cloud() => Self::Cloud,
-            _ if format.has_profiles() => Self::Profiles,
-            _ if format.has_poses() => Self::Poses,
-            _ => Self::None,
-        }
-    }
 }

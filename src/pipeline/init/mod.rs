@@ -2,14 +2,17 @@
 
 mod drives;
 mod files;
+mod role;
 mod turning;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Problem, Result};
+use crate::format::DescribedNoise;
 use crate::geometry::EulerConvention;
 use crate::geometry::euler::euler_deg_from_rotation;
+use crate::sensor::STANDARD_GRAVITY_M_S2;
 pub use files::FileUse;
 use files::SortedFiles;
 
@@ -192,7 +195,15 @@ impl SortedFiles {
             ("heading", &self.heading, offset),
         ] {
             if let Some((first, further)) = files.split_first() {
-                made.text += &format!("\n[{name}]\nfile = {}\n{keys}", quoted_path(first));
+                made.text += &format!("\n[{name}]\nfile = {}\n", quoted_path(first));
+                let described = self
+                    .noise
+                    .iter()
+                    .find(|(path, _)| name == "imu" && path.parent() == first.parent());
+                match described {
+                    Some((path, noise)) => made.text += &noise_keys(path, noise),
+                    None => made.text += keys,
+                }
                 list_as_comment(&mut made.text, "others of this kind", further);
                 if keys == arm {
                     made.misses("lever_arm_m");
@@ -269,6 +280,30 @@ fn free_name(plain: &str, names: &[String]) -> String {
     let numbered = (2..).map(|number| format!("{plain}-{number}"));
     let mut free = std::iter::once(plain.to_owned()).chain(numbered);
     free.find(|name| !names.contains(name)).unwrap_or_default()
+}
+
+/// The noise of an IMU, in the keys of the project.
+fn noise_keys(path: &Path, noise: &DescribedNoise) -> String {
+    let deg_sqrt_h = 60.0 * 1f64.to_degrees();
+    let ug = 1e6 / STANDARD_GRAVITY_M_S2;
+    let keys = [
+        ("gyro_noise_deg_sqrt_h", noise.gyro_density, deg_sqrt_h),
+        ("accel_noise_ug_sqrt_hz", noise.accel_density, ug),
+        ("gyro_bias_walk_rad_s_sqrt_s", noise.gyro_bias_walk, 1.0),
+        ("accel_bias_walk_m_s2_sqrt_s", noise.accel_bias_walk, 1.0),
+    ];
+    let mut text = format!(
+        "# the noise of {}, which is without that of vibrations\n",
+        path.display()
+    );
+    for (key, value, unit) in keys {
+        // Rounded to six digits.
+        let value = value.and_then(|value| format!("{:.5e}", value * unit).parse::<f64>().ok());
+        if let Some(value) = value {
+            let _ = writeln!(text, "{key} = {value:?}");
+        }
+    }
+    text
 }
 
 /// Lists files as a comment.

@@ -16,17 +16,13 @@ const LEAST_BINS: usize = 10;
 const SHARED: f64 = 0.5;
 
 /// Mean rates at which a body turns, rad/s, by the number of the bin.
+#[derive(Clone)]
 pub struct Turning(BTreeMap<i64, f64>);
 
 impl Turning {
-    /// The rates of an IMU or of poses; `None` if the file has neither.
-    pub fn of(input: &Input) -> Option<Self> {
+    /// The rates of poses; `None` if the file has none.
+    pub fn of_poses(input: &Input) -> Option<Self> {
         let format = format::detect(input).ok()?;
-        if format.has_imu() {
-            return format::read_imu(input)
-                .ok()
-                .map(|samples| Self::of_imu(&samples));
-        }
         if format.has_geographic_poses() {
             let poses = format::read_geographic_poses(input).ok()?;
             let rotations = poses
@@ -39,7 +35,8 @@ impl Turning {
         Some(Self::of_rotations(poses.iter().map(rotation).collect()))
     }
 
-    fn of_imu(samples: &[ImuSample]) -> Self {
+    /// The rates of an IMU.
+    pub fn of_imu(samples: &[ImuSample]) -> Self {
         let rates = samples
             .iter()
             .map(|sample| (sample.time_s, sample.gyro_rad_s.norm()));

@@ -298,3 +298,44 @@ fn the_folder_of_a_split_recording_stands_for_it() {
     let parts = files.filter(|file| file.ends_with("drive_1.db3.zstd"));
     assert_eq!(parts.count(), 2);
 }
+
+#[test]
+fn the_noise_of_sensor_yaml_becomes_keys_of_the_project() {
+    let folder = tempfile::tempdir().unwrap();
+    let imu = folder.path().join("imu0");
+    fs::create_dir(&imu).unwrap();
+    let header = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
+                  a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n";
+    let row = |i: u64| {
+        format!(
+            "{},0,0,0.1,0,0,9.8\n",
+            1_700_000_000_000_000_000 + i * 5_000_000
+        )
+    };
+    let rows: String = (0..200).map(row).collect();
+    fs::write(imu.join("data.csv"), header.to_owned() + &rows).unwrap();
+    // Noise of the data set, which is that of an ADIS16448.
+    let noise = "sensor_type: imu\nrate_hz: 200\ngyroscope_noise_density: 1.6968e-04     # [ rad / s / sqrt(Hz) ]\n\
+                 gyroscope_random_walk: 1.9393e-05\naccelerometer_noise_density: 2.0000e-3\n\
+                 accelerometer_random_walk: 3.0000e-3\n";
+    fs::write(imu.join("sensor.yaml"), noise).unwrap();
+    let made = boresight::pipeline::init(folder.path()).unwrap();
+    for key in [
+        "file = \"imu0/data.csv\"\n",
+        "gyro_noise_deg_sqrt_h = 0.583317\n",
+        "accel_noise_ug_sqrt_hz = 203.943\n",
+        "gyro_bias_walk_rad_s_sqrt_s = 1.9393e-5\n",
+        "accel_bias_walk_m_s2_sqrt_s = 0.003\n",
+    ] {
+        assert!(made.text.contains(key), "{}", made.text);
+    }
+    assert_eq!(made.files.len(), 2);
+    assert_eq!(made.files[0].count, Some(200));
+    let span_s = made.files[0].span_s.unwrap();
+    assert!((span_s[1] - span_s[0] - 0.995).abs() < 1e-6);
+    assert!(
+        made.files[1].serves.contains("noise of the IMU"),
+        "{:?}",
+        made.files[1]
+    );
+}

@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 46] = [
+pub(crate) const KINDS: [&Kind; 47] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,
@@ -18,6 +18,7 @@ pub(crate) const KINDS: [&Kind; 46] = [
     &log::euroc::IMU_LOG,
     &log::euroc::POSES,
     &log::euroc::POSITIONS,
+    &log::euroc::noise::DESCRIPTION,
     &log::sbg::LOG,
     &log::nmea::LOG,
     &log::gsi::MEASUREMENTS,

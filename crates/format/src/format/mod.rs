@@ -56,6 +56,7 @@ pub use las::losses::LasLosses;
 pub use las::points::{las_count, las_remarks, las_viewpoints, stream_las};
 pub use las::value::ExtraValue;
 pub use las::writer::CloudWriter;
+pub use log::euroc::noise::{DescribedNoise, read_imu_noise};
 pub use log::frame_log::read_frame_log;
 pub use log::positions::write_positions;
 pub use log::sbg::Arriving as ArrivingSbg;

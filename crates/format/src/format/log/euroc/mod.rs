@@ -8,11 +8,13 @@
 //! | `state_groundtruth_estimate0/data.csv` | [`read_poses`], with velocities and biases |
 //! | `vicon0/data.csv`, `mocap0/data.csv` | [`read_poses`] |
 //! | `leica0/data.csv` | [`read_positions`] |
+//! | `imu0/sensor.yaml` | [`noise::read_imu_noise`] |
 //!
 //! `R` is the reference frame (z up), `S` the sensor: `p_RS_R` is the sensor in R, `q_RS` rotates
 //! from S to R with the scalar first. Columns may come in any order after the time; unknown columns
 //! are ignored.
 
+pub(crate) mod noise;
 #[cfg(test)]
 mod tests;
 
