@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::context::project_file;
+use super::context::{Context, project_file};
 use super::describe;
 use super::print::unprintable;
 use crate::error::Result;
 use crate::format::{self, Input};
 use crate::pipeline::{self, Outcome};
+use crate::progress::Progress;
 use crate::project::{self, Mountings, Project};
 use crate::verdict::Verdict;
 
@@ -27,7 +28,7 @@ pub(super) struct Inspect {
 impl Inspect {
     /// Describes each file, or the error in reading it if there are several; the flag says whether
     /// all could be read.
-    pub fn execute(&self) -> Result<(Outcome, bool)> {
+    pub fn execute(&self, context: &Context) -> Result<(Outcome, bool)> {
         let mut documents = Vec::new();
         let mut texts = Vec::new();
         let (mut all_read, mut verdicts) = (true, Vec::new());
@@ -35,7 +36,7 @@ impl Inspect {
             let inspected = if self.allan {
                 super::allan::inspect(file)
             } else {
-                inspect(file, &mut verdicts)
+                inspect(file, &mut verdicts, &context.terminal)
             };
             let (document, text) = match inspected {
                 Ok(description) => description,
@@ -62,7 +63,11 @@ impl Inspect {
 }
 
 /// Adds the verdicts on a project to `verdicts`.
-fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> {
+fn inspect(
+    file: &Path,
+    verdicts: &mut Vec<Verdict>,
+    progress: &dyn Progress,
+) -> Result<(Value, String)> {
     let is_project = file.join("project.toml").is_file();
     // A format is detected only of the folder of a recording of ROS 2, which stands for the recording.
     if file.is_dir() && !is_project && format::detect(file).is_err() {
@@ -86,7 +91,7 @@ fn inspect(file: &Path, verdicts: &mut Vec<Verdict>) -> Result<(Value, String)> 
     let project = Project::read(file)?;
     project.check_files()?;
     let resolved: Value = toml::from_str(&project.to_toml()?).map_err(unprintable)?;
-    let preview = pipeline::preview::preview(&project)?;
+    let preview = pipeline::preview::preview(&project, progress)?;
     let mut document = json!({
         "path": file.display().to_string(),
         "format": "project",

@@ -172,7 +172,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
             interrupt::listen();
         }
         let outcome = match line.command {
-            Command::Inspect(command) => return command.execute(),
+            Command::Inspect(command) => return command.execute(&context),
             Command::Init(command) => command.execute(),
             Command::Campaign(command) => {
                 return command.execute(&context, rayon::current_num_threads());

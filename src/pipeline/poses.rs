@@ -14,7 +14,7 @@ use crate::judgement;
 use crate::preflight::{
     HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise, unmeasured,
 };
-use crate::progress::{Progress, Silent};
+use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{
@@ -234,10 +234,10 @@ pub fn rough_poses(project: &Project, progress: &dyn Progress) -> Result<Poses> 
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
-pub fn preflight(project: &Project) -> Result<Vec<Verdict>> {
+pub fn preflight(project: &Project, progress: &dyn Progress) -> Result<Vec<Verdict>> {
     match &project.motion {
         Motion::Logs(files) => {
-            let mut logs = DriveLogs::read(project, files, &Silent)?;
+            let mut logs = DriveLogs::read(project, files, progress)?;
             let mut verdicts = correct_faults(&mut logs, files)?;
             if verdicts.is_empty() {
                 verdicts.push(judgement::consistent_logs());

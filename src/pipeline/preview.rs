@@ -63,11 +63,14 @@ pub struct ScanFound {
 ///
 /// # Errors
 /// The logs cannot be read or are refused.
-pub fn preview(project: &Project) -> Result<Preview> {
-    let heard = Heard::default();
+pub fn preview(project: &Project, progress: &dyn Progress) -> Result<Preview> {
+    let heard = Heard {
+        warnings: Mutex::default(),
+        progress,
+    };
     let project = &with_origin(project, &heard);
     let mut found = Preview {
-        verdicts: stages::preflight(project)?,
+        verdicts: stages::preflight(project, &heard)?,
         ..Preview::default()
     };
     let others = project.drives.iter().chain(&project.evaluations);
@@ -80,13 +83,13 @@ pub fn preview(project: &Project) -> Result<Preview> {
     } else if let Err(error) = found.poses_and_scans(project, &heard) {
         found.verdicts.push(judgement::would_end(&error));
     }
-    found.warnings = heard.0.into_inner().unwrap_or_default();
+    found.warnings = heard.warnings.into_inner().unwrap_or_default();
     judgement::attention_first(&mut found.verdicts);
     Ok(found)
 }
 
 impl Preview {
-    fn poses_and_scans(&mut self, project: &Project, heard: &Heard) -> Result<()> {
+    fn poses_and_scans(&mut self, project: &Project, heard: &Heard<'_>) -> Result<()> {
         let Poses {
             trajectory,
             solution,
@@ -113,7 +116,12 @@ impl Preview {
         self.scans(project, &trajectory, heard)
     }
 
-    fn scans(&mut self, project: &Project, trajectory: &Trajectory, heard: &Heard) -> Result<()> {
+    fn scans(
+        &mut self,
+        project: &Project,
+        trajectory: &Trajectory,
+        heard: &Heard<'_>,
+    ) -> Result<()> {
         let reference = stages::reference(project, heard)?;
         self.reference_points = reference.len();
         let rig = start::with_scales(project, &Rig::new(project), trajectory, heard)?;
@@ -138,21 +146,40 @@ impl Preview {
     }
 }
 
-/// Keeps the warnings of the stages.
-#[derive(Default)]
-struct Heard(Mutex<Vec<String>>);
+/// Keeps the warnings of the stages, each once, and shows only how far the stages are.
+struct Heard<'a> {
+    warnings: Mutex<Vec<String>>,
+    progress: &'a dyn Progress,
+}
 
-impl Progress for Heard {
-    fn begin(&self, _stage: &str, _total: u64) {}
-    fn advance(&self, _units: u64) {}
-    fn end(&self) {}
+impl Progress for Heard<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.progress.begin(stage, total);
+    }
+
+    fn advance(&self, units: u64) {
+        self.progress.advance(units);
+    }
+
+    fn end(&self) {
+        self.progress.end();
+    }
+
     fn say(&self, _message: &str) {}
+
     fn warn(&self, message: &str) {
-        if let Ok(mut warnings) = self.0.lock() {
+        if let Ok(mut warnings) = self.warnings.lock()
+            && !warnings.iter().any(|other| other == message)
+        {
             warnings.push(message.to_owned());
         }
     }
+
     fn verdict(&self, _text: &str) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
 }
 
 fn scan_found(name: &str, sample: &ScannerSample) -> ScanFound {
