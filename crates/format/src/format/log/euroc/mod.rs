@@ -43,7 +43,7 @@ pub(crate) const IMU_LOG: kind::Kind = kind::Kind {
     signature: Some(|start| kind_of(start) == Some(Kind::Imu)),
     imu: Some(read_imu),
     frame: kind::Frame::Fixed(
-        "rad/s and m/s² (named in the header); axes of the sensor S of the data set",
+        "rad/s and m/s² (named in the header, or the format without one); axes of the sensor S of the data set",
     ),
     ..kind::Kind::new("euroc-imu", "IMU log (EuRoC)")
 };
@@ -52,7 +52,7 @@ pub(crate) const POSES: kind::Kind = kind::Kind {
     signature: Some(|start| matches!(kind_of(start), Some(Kind::State | Kind::Pose))),
     poses: Some(read_poses),
     frame: kind::Frame::Fixed(
-        "metres (named in the header); world: reference frame R, z up; body: the sensor S of the data set",
+        "metres (named in the header, or the format without one); world: reference frame R, z up; body: the sensor S of the data set",
     ),
     ..kind::Kind::new("euroc-poses", "trajectory (EuRoC)")
 };
@@ -60,7 +60,9 @@ pub(crate) const POSES: kind::Kind = kind::Kind {
 pub(crate) const POSITIONS: kind::Kind = kind::Kind {
     signature: Some(|start| kind_of(start) == Some(Kind::Position)),
     positions: Some(|path, _| Ok(Positions::of(read_positions(path)?))),
-    frame: kind::Frame::Fixed("metres (named in the header); world: reference frame R, z up"),
+    frame: kind::Frame::Fixed(
+        "metres (named in the header, or the format without one); world: reference frame R, z up",
+    ),
     ..kind::Kind::new("euroc-positions", "position log (EuRoC)")
 };
 

@@ -33,7 +33,7 @@ use std::path::Path;
 
 use self::clock::{Clock, Moment};
 use self::fields::{Heading, KSXT, Place, Sentence, Useless};
-use self::positions::read_positions;
+use self::positions::{read_position_log, read_positions};
 use self::sentence::{for_each_piece, parse, pieces};
 use self::skipped::{Skipped, UNDATED, WITHOUT_FIX, WITHOUT_TIME};
 use crate::error::{Error, Location, Result};
@@ -47,6 +47,7 @@ pub(crate) const LOG: Kind = Kind {
     heading: Some(read_heading),
     geographic: Some(read_positions),
     record_ends: Some(record_ends),
+    contents: Some(contents),
     note: "a heading without a time of its own is given that of the sentence before it: if the receiver \
            sends headings first, they are one epoch early (time_offset_s)",
     frame: Frame::Fixed(
@@ -193,6 +194,39 @@ fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     let log = read_heading_log(input)?;
     log.skipped.lost.remark(input, "NMEA sentences");
     Ok(log.records)
+}
+
+/// The names of the sentences with positions and with headings, by their numbers.
+const PLACES: [&str; 3] = ["GGA", "PTNL,GGK", "KSXT"];
+const HEADINGS: [&str; 5] = ["HDT", "THS", "PASHR", "PTNL,AVR", "KSXT"];
+
+/// How many positions and headings the log has by their sentences. What the positions leave open is remarked, too, since
+/// they are not summarised beside headings.
+fn contents(input: &Input) -> Result<String> {
+    let (mut places, mut headings) = ([0u64; PLACES.len()], [0u64; HEADINGS.len()]);
+    scan(input, |sentence, _| match sentence {
+        Sentence::Position(place) => places[place.kind] += 1,
+        Sentence::Heading(kind, _) => headings[kind] += 1,
+        _ => {}
+    })?;
+    if places.iter().any(|count| *count > 0) {
+        let _ = read_position_log(input);
+    }
+    let listed = |what: &str, names: &[&str], counts: &[u64]| {
+        let counts = names.iter().zip(counts).filter(|(_, count)| **count > 0);
+        let counts: Vec<String> = counts.map(|(name, n)| format!("{n} {name}")).collect();
+        (!counts.is_empty()).then(|| format!("{what}: {}", counts.join(", ")))
+    };
+    let all = [
+        listed("positions", &PLACES, &places),
+        listed("headings", &HEADINGS, &headings),
+    ];
+    let all: Vec<String> = all.into_iter().flatten().collect();
+    Ok(if all.is_empty() {
+        "no positions and no headings".to_owned()
+    } else {
+        all.join("; ")
+    })
 }
 
 /// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.

@@ -1,4 +1,3 @@
-use super::positions::read_position_log;
 use super::sentence::*;
 use super::skipped::WITHOUT_SEPARATION;
 use super::*;
@@ -339,6 +338,15 @@ fn positions_of_ksxt_have_the_height_of_gga() {
         [53.395, 54.5514]
     );
     assert!(remarks.contains("above the sea"), "{remarks}");
+    // Beside headings, the positions and what they leave open are named.
+    let text = with(&format!("{same}{next}$GPHDT,123.4567,T*05\r\n"), |input| {
+        let named = contents(input).unwrap();
+        format!("{named} {}", input.remarks().join("\n"))
+    });
+    assert!(
+        text.starts_with("positions: 2 KSXT; headings: 1 HDT the heights of KSXT"),
+        "{text}"
+    );
     let (found, _) = of(comnav);
     assert_eq!(
         (found[0].quality, found[0].height_m),
