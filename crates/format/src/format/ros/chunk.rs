@@ -5,8 +5,16 @@ use super::records::{Cursor, Raw};
 use super::walk::{Container, Walk};
 use super::wire::{Decoded, Fault};
 use super::{mcap, rosbag};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::format::file;
+
+/// Allocations never exceed four times the size of the file plus this, bytes.
+const SPARE_BYTES: u64 = 16 << 20;
+
+/// All chunks together may unpack to at most this many times the size of the file plus this many bytes. A file
+/// that unpacks to more is a decompression bomb.
+const MAX_UNPACKED_RATIO: u64 = 250;
+const UNPACKED_ALLOWANCE_BYTES: u64 = 12 << 20;
 
 impl Walk {
     /// Unpacks the last record, a chunk whose data were read, into `into`. Returns the start of its records
@@ -160,5 +168,27 @@ impl Walk {
             self.pass_over(error);
         }
         record
+    }
+
+    /// The error for a size that only a damaged file can claim.
+    pub(super) fn too_large(&self, size: u64) -> Error {
+        let limit = self.largest_allocation();
+        self.error(
+            format!("a chunk of {size} bytes"),
+            format!("at most {limit} in a file of this size"),
+        )
+    }
+
+    /// Most bytes that all chunks together may unpack to.
+    pub(super) fn most_unpacked(&self) -> u64 {
+        let most = self.bytes_total().saturating_mul(MAX_UNPACKED_RATIO);
+        most.saturating_add(UNPACKED_ALLOWANCE_BYTES)
+    }
+
+    /// Most bytes that may be allocated at once.
+    pub(super) fn largest_allocation(&self) -> u64 {
+        self.bytes_total()
+            .saturating_mul(4)
+            .saturating_add(SPARE_BYTES)
     }
 }

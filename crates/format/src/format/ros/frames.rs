@@ -1,6 +1,7 @@
 //! The frames of the messages of a recording, named in their headers.
 
-use super::bag::{Messages, Topic, topics};
+use super::bag::{Messages, Topic};
+use super::directory::topics;
 use super::messages::{Imu, NavSatFix, ODOMETRY, TRANSFORM};
 use super::wire::{Decoded, Message, Wire};
 use super::{POSES, points};

@@ -13,6 +13,7 @@ mod cloud;
 pub(crate) mod compression;
 mod damage;
 mod db3;
+mod directory;
 mod frames;
 mod mcap;
 mod messages;
@@ -94,7 +95,7 @@ pub(crate) fn looks_like(start: &[u8]) -> bool {
 /// # Errors
 /// A file that is missing, of another format, or damaged.
 pub(crate) fn topics(input: &Input) -> Result<Vec<Topic>> {
-    bag::topics(input)
+    directory::topics(input)
 }
 
 /// Reads the samples of a topic of `sensor_msgs/Imu` in the order of the file: angular rate and

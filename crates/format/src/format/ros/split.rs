@@ -174,6 +174,10 @@ mod tests {
         }
         assert_eq!(super::beside(&sample("split/metadata.yaml")).len(), 2);
         assert_eq!(super::beside(&sample("zstd.mcap")).len(), 0);
+        let copy = sample("split").join("none");
+        let error = crate::format::salvage(sample("split").as_path(), &copy).unwrap_err();
+        let error = error.to_string();
+        assert!(error.contains("the list of the files"), "{error}");
     }
 
     #[test]

@@ -4,17 +4,9 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::records::{Cursor, Kind, Raw, Record};
-use super::{db3, mcap, rosbag, sqlite};
+use super::{db3, mcap, rosbag, split, sqlite};
 use crate::error::{Error, Location, Result};
 use crate::format::input::{Input, Stream};
-
-/// Allocations never exceed four times the size of the file plus this, bytes.
-const SPARE_BYTES: u64 = 16 << 20;
-
-/// All chunks together may unpack to at most this many times the size of the file plus this many bytes. A file
-/// that unpacks to more is a decompression bomb.
-const MAX_UNPACKED_RATIO: u64 = 250;
-const UNPACKED_ALLOWANCE_BYTES: u64 = 12 << 20;
 
 /// The kinds of bag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,6 +83,13 @@ impl Walk {
             Container::Rosbag
         } else if start.starts_with(sqlite::MAGIC) {
             Container::Db3
+        } else if start.starts_with(split::START) {
+            return Err(Error::format(
+                input.path(),
+                Location::Whole,
+                "the list of the files of a recording",
+                "one of the files, each by itself",
+            ));
         } else {
             let first = String::from_utf8_lossy(&start[..start.len().min(13)]);
             return Err(Error::format(
@@ -341,15 +340,6 @@ impl Walk {
         )
     }
 
-    /// The error for a size that only a damaged file can claim.
-    pub(super) fn too_large(&self, size: u64) -> Error {
-        let limit = self.largest_allocation();
-        self.error(
-            format!("a chunk of {size} bytes"),
-            format!("at most {limit} in a file of this size"),
-        )
-    }
-
     /// A format error at the last record.
     pub(super) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
         Error::format(
@@ -358,17 +348,6 @@ impl Walk {
             found,
             expected,
         )
-    }
-
-    /// Most bytes that all chunks together may unpack to.
-    pub(super) fn most_unpacked(&self) -> u64 {
-        let most = self.total.saturating_mul(MAX_UNPACKED_RATIO);
-        most.saturating_add(UNPACKED_ALLOWANCE_BYTES)
-    }
-
-    /// Most bytes that may be allocated at once.
-    pub(super) fn largest_allocation(&self) -> u64 {
-        self.total.saturating_mul(4).saturating_add(SPARE_BYTES)
     }
 
     /// The file.
