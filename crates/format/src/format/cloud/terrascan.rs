@@ -241,13 +241,10 @@ mod tests {
                 }
                 assert_eq!(cloud.points.len(), 2);
                 assert_eq!(cloud.intensity, [302.0, 303.0]);
-                let times_s = [858_993.4586, 858_993.4584];
-                match has_times {
-                    true => assert!(
-                        (cloud.time_s[0] - times_s[0]).abs() < 1e-9
-                            && (cloud.time_s[1] - times_s[1]).abs() < 1e-9
-                    ),
-                    false => assert!(cloud.time_s.is_empty()),
+                assert_eq!(cloud.time_s.len(), if has_times { 2 } else { 0 });
+                for (found_s, expected_s) in cloud.time_s.iter().zip([858_993.458_6, 858_993.458_4])
+                {
+                    assert!((found_s - expected_s).abs() < 1e-9, "{found_s}");
                 }
                 let remarks = input.remarks().join("\n");
                 assert_eq!(remarks.contains("not described"), version < SHORT_LINES);

@@ -16,6 +16,12 @@ pub(super) fn inspect_recording(input: &Input, kind: &Kind, report: &mut Inspect
     }
     let part = Part::of(input.path());
     let file = &input.of_file(&part.file);
+    // The list of the files of a recording is not the recording.
+    let files = kind.beside.map_or(Vec::new(), |list| list(&part.file));
+    if !files.is_empty() {
+        let sizes = files.iter().filter_map(|file| file.metadata().ok());
+        report.bytes = sizes.map(|found| found.len()).sum();
+    }
     let readable = ros::readable(file, part.name.as_deref())?;
     let Some((content, topic)) = readable.first() else {
         return Ok(());
