@@ -203,7 +203,11 @@ fn alarms(seeds: std::ops::Range<u64>) -> Vec<String> {
 #[test]
 fn a_clean_drive_raises_no_alarm() {
     let ended = SHORT.with(&[]);
-    assert!(ended.warnings.is_empty() && ended.sigmas < 5.0, "{}", ended.line);
+    assert!(
+        ended.warnings.is_empty() && ended.sigmas < 5.0,
+        "{}",
+        ended.line
+    );
 }
 
 /// A frame that bends with roll and pitch by a quarter of the simulator's default: two steps would leave points 2.6 mm

@@ -231,10 +231,14 @@ impl Residual {
     }
 }
 
+/// Largest ratio of the third to the second eigenvalue of a flat neighbourhood: three times as wide as thick, it has a
+/// normal to within a few degrees for any noise.
+const FLAT: f64 = 0.1;
+
 /// The upward normal of a neighbourhood; `None` if it is not flat.
 pub fn upward_normal(shape: &StructureTensor) -> Option<Vec3> {
     let eigen = shape.eigen();
-    if eigen.values.z > 0.1 * eigen.values.y {
+    if eigen.values.z > FLAT * eigen.values.y {
         return None;
     }
     let normal: Vec3 = eigen.vectors.column(2).into();

@@ -346,10 +346,14 @@ impl Columns {
 
 /// Values and standard deviations of a scanner's bending of which nothing is known.
 fn vague_prior(mounting: &Mounting) -> [[f64; BENDING]; 2] {
-    let sigma = |i: usize| match (is_fixed(mounting, i % 6), i < COMPLIANCE) {
-        (true, _) => 0.0,
-        (false, true) => COMPLIANCE_SIGMA[i % 6 / 3],
-        (false, false) => CREEP_SIGMA[i % 6 / 3],
+    let sigma = |i: usize| {
+        if is_fixed(mounting, i % 6) {
+            0.0
+        } else if i < COMPLIANCE {
+            COMPLIANCE_SIGMA[i % 6 / 3]
+        } else {
+            CREEP_SIGMA[i % 6 / 3]
+        }
     };
     [[0.0; BENDING], std::array::from_fn(sigma)]
 }

@@ -65,7 +65,8 @@ impl Round {
         }
     }
 
-    /// Largest distance between scans and reference, as a share of a surfel's size.
+    /// Largest distance between scans and reference, as a share of a surfel's size: that of a plane turned by 7°, larger
+    /// than initial values leave, and then by 1°.
     pub fn misfit_share(self) -> f64 {
         match self {
             Self::Coarse => 0.12,
@@ -74,7 +75,7 @@ impl Round {
     }
 
     /// Length of the last step, standard deviations, before points are sorted again, or the noise is estimated
-    /// again.
+    /// again. Sorting changes more than the last five.
     pub fn settled_sigmas(self) -> f64 {
         match self {
             Self::Coarse => 5.0,
@@ -83,7 +84,7 @@ impl Round {
     }
 
     /// Largest displacement of points, as a share of the usual size of a surfel. A round that moves them by more is
-    /// repeated, because they then belong to other surfels.
+    /// repeated, because so many of them then belong to other surfels.
     pub fn move_share(self) -> f64 {
         match self {
             Self::Coarse => 0.1,

@@ -18,6 +18,8 @@ const GRAVITY_SHARE: f64 = 0.15;
 const LEAST_COSINE: f64 = 0.7;
 /// The mean vector of the directions of an angle is at least this long where the angle stays the same.
 const CONCENTRATED: f64 = 0.8;
+/// Headings in radians taken for degrees turn by π/180 of what the gyro measures; no scale of a sensor is a tenth.
+const IN_RADIANS_SLOPE: f64 = 0.1;
 /// Nothing on the ground moves faster, m/s.
 const FASTEST_M_S: f64 = 60.0;
 /// Noise of positions beyond this many times their standard deviation means a wrong unit.
@@ -49,7 +51,8 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
     }
     all.extend(axes(&up, settings));
     if let Some(ratio) = by_heading {
-        let is_less = ratio.slope.abs() < 0.1 && ratio.gyro_rms_rad < std::f64::consts::PI;
+        let is_less =
+            ratio.slope.abs() < IN_RADIANS_SLOPE && ratio.gyro_rms_rad < std::f64::consts::PI;
         if is_in_radians(logs.heading) && is_less {
             return Err(Error::data(
                 "the headings lie between 0 and 6.3° while the body turns by more: they are in radians",
@@ -313,6 +316,9 @@ fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict 
     )
 }
 
+/// Between ahead and aside, degrees: antennas are mounted along the body or across, and on slopes bodies drift by less.
+const ASIDE_DEG: f64 = 45.0;
+
 /// The verdict on a body that does not drive where its headings point.
 fn driven_direction(
     headings: &[(f64, f64)],
@@ -322,7 +328,7 @@ fn driven_direction(
     let differences = pairs(headings, courses).map(|(heading, course)| heading - course);
     let (mean, length) = direction(differences)?;
     let off_deg = mean.to_degrees();
-    (length > CONCENTRATED && off_deg.abs() > 45.0).then(|| {
+    (length > CONCENTRATED && off_deg.abs() > ASIDE_DEG).then(|| {
         let text = format!(
             "According to its headings, the body drives {off_deg:.0}° off the direction in which it points \
              (course of `{name}`): are the antennas exchanged or across, or does it drive backwards?"

@@ -126,10 +126,16 @@ pub struct Ratio {
     pub gyro_rms_rad: f64,
 }
 
+/// Least correlation of turns that measure the same: half of their variance is then common.
+const SAME_CORRELATION: f64 = 0.7;
+/// Ratios that differ by a third of one are told apart: the mistakes that are looked for (signs, degrees, halves) differ
+/// by more, and scales of sensors by much less.
+const SAME_SLOPE: f64 = 1.0 / 3.0;
+
 impl Ratio {
-    /// Whether the slope is about this, within a third.
+    /// Whether the slope is about this.
     pub fn is_about(&self, slope: f64) -> bool {
-        self.correlation.abs() > 0.7 && (self.slope / slope - 1.0).abs() < 0.33
+        self.correlation.abs() > SAME_CORRELATION && (self.slope / slope - 1.0).abs() < SAME_SLOPE
     }
 }
 

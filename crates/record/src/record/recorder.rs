@@ -200,10 +200,12 @@ impl Watch<'_> {
             let states = was_silent.iter_mut().zip(&mut has_sent);
             for ((name, source), (was_silent, has_sent)) in sources.iter().zip(states) {
                 if source.is_silent != *was_silent && source.records > 0 {
-                    let event = match (source.is_silent, *has_sent) {
-                        (true, _) => "silent",
-                        (false, true) => "sends again",
-                        (false, false) => "sends",
+                    let event = if source.is_silent {
+                        "silent"
+                    } else if *has_sent {
+                        "sends again"
+                    } else {
+                        "sends"
                     };
                     events.add(clock, name, event)?;
                     *has_sent = true;

@@ -6,7 +6,8 @@ use crate::geometry::BodyFromScanner;
 use crate::number;
 use crate::verdict::Verdict;
 
-/// A displacement that is a fault.
+/// A displacement that is a fault: no scanner on a robot of this size is a metre from its drawing, and half a right
+/// angle lies nearer to another convention of angles than to an error.
 const FAULT: Reach = Reach {
     shift_m: 1.0,
     turn_rad: 0.8,

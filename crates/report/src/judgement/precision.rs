@@ -71,28 +71,30 @@ pub fn sigmas(calibration: &Calibration, acceptance: &Acceptance, moves: bool) -
             && constancy::moving_gap(calibration).is_none();
     let is_accepted =
         length_m <= acceptance.sigma_translation_m && angle_rad <= acceptance.sigma_rotation_rad;
-    Some(match (is_constant, is_accepted) {
-        (true, true) => Verdict::good(
-            CODE,
-            format!(
-                "The mountings of the scanners are known to {sigmas} or better (one standard \
-                 deviation; accepted: {limits})."
-            ),
-        ),
-        (true, false) => Verdict::care(
-            CODE,
-            format!(
-                "The mountings of the scanners are known to {sigmas} only, and {limits} would be \
-                 accepted: drive over planes in more directions, or accept more with [acceptance]."
-            ),
-        ),
-        (false, _) => Verdict::note(
+    Some(if !is_constant {
+        Verdict::note(
             CODE,
             format!(
                 "Constant mountings would be known to {sigmas} or better. These are not constant, so \
                  their standard deviations are too small."
             ),
-        ),
+        )
+    } else if is_accepted {
+        Verdict::good(
+            CODE,
+            format!(
+                "The mountings of the scanners are known to {sigmas} or better (one standard \
+                 deviation; accepted: {limits})."
+            ),
+        )
+    } else {
+        Verdict::care(
+            CODE,
+            format!(
+                "The mountings of the scanners are known to {sigmas} only, and {limits} would be \
+                 accepted: drive over planes in more directions, or accept more with [acceptance]."
+            ),
+        )
     })
 }
 

@@ -13,12 +13,16 @@ use crate::verdict::{Severity, Verdict, capitalised};
 
 /// The constant that scales the noise of the IMU, and the value beyond which it needs attention.
 const NOISE_SCALE: &str = "imu.noise_scale";
+/// Vibration doubles the noise of a datasheet, and samples that alias it triple it; more is another error.
 const CARE_NOISE: f64 = 3.0;
-/// Outages need attention if the standard deviation of the position exceeds this, metres.
+/// Outages need attention if the standard deviation of the position exceeds this, metres: ten times what plants are
+/// measured to.
 const CARE_OUTAGE_M: f64 = 0.01;
-/// A sensor needs attention if at least this share of its records is not used.
+/// A sensor needs attention if at least this share of its records is not used: outliers are a few per cent, and a total
+/// station that looks for its prism loses some more.
 const CARE_IGNORED: f64 = 0.2;
-/// A constant whose error exceeds this is a fault: metres, seconds, radians, m/s², share.
+/// A constant whose error exceeds this is a fault, as no tape, level or datasheet is wrong by so much: metres, seconds,
+/// radians, m/s², share.
 const FAULT_LEVER_ARM_M: f64 = 0.05;
 const FAULT_LATENCY_S: f64 = 0.03;
 const FAULT_OFFSET_RAD: f64 = 0.02;

@@ -12,6 +12,8 @@ use crate::statistics::{SIGMAS_PER_MAD, median};
 pub(super) const POINT: [&str; 4] = ["x_m", "y_m", "z_m", "intensity"];
 /// Columns with coordinates.
 const COORDINATES: [&str; 6] = ["x_m", "y_m", "z_m", "east_m", "north_m", "up_m"];
+/// An interval is a gap beyond this many usual ones: single records that are lost or late are not.
+const GAP_INTERVALS: f64 = 5.0;
 /// Largest number of gaps listed.
 const MOST_GAPS: usize = 10;
 /// Largest number of intervals from which the median is taken.
@@ -89,7 +91,8 @@ impl Times {
         into.rate_hz = Some(1.0 / median_s);
         into.jitter_s = median(deviations_s).map(|mad_s| SIGMAS_PER_MAD * mad_s);
         into.gaps = self.longest;
-        into.gaps.retain(|gap| gap.duration_s > 5.0 * median_s);
+        into.gaps
+            .retain(|gap| gap.duration_s > GAP_INTERVALS * median_s);
         Ok(())
     }
 }
