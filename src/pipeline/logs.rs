@@ -8,7 +8,8 @@ use crate::format::Input;
 use crate::progress::Progress;
 use crate::project::{Logs, Project};
 use crate::sensor::{
-    HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, span_s, start_between_s,
+    Continued, HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, span_s,
+    start_between_s,
 };
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
@@ -43,7 +44,7 @@ impl DriveLogs {
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
         let feed = Feed::new(project, logs);
         let input = Input::from(&logs.imu.path);
-        let imu = feed.imu(&input, log_clock)?;
+        let imu = feed.imu(&input, &mut Continued::default(), log_clock)?;
         warn_of_remarks("imu", &[input], progress);
         stage.advance(size(&logs.imu.path))?;
         let settings = feed.settings();
@@ -51,7 +52,7 @@ impl DriveLogs {
         let mut rejected = Vec::new();
         for (sensor, log) in logs.positions.iter().enumerate() {
             let input = Input::from(&log.path);
-            let read = feed.positions(sensor, &input, log_clock)?;
+            let read = feed.positions(sensor, &input, &mut Continued::default(), log_clock)?;
             stage.advance(size(&log.path))?;
             let (mut fixes, rows) = (read.fixes, read.rejected);
             let name = &settings.positions[sensor].name;
@@ -64,7 +65,7 @@ impl DriveLogs {
         let mut heading = Vec::new();
         if let Some(log) = &logs.heading {
             let input = Input::from(&log.path);
-            heading = feed.heading(&input, log_clock)?;
+            heading = feed.heading(&input, &mut Continued::default(), log_clock)?;
             warn_of_remarks("heading", &[input], progress);
             start_with(&imu, "heading", &mut heading, progress);
             stage.advance(size(&log.path))?;

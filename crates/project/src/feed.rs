@@ -6,15 +6,24 @@ use crate::error::{Error, Result};
 use crate::format::{self, Input};
 use crate::geometry::Vec3;
 use crate::project::{Logs, Project};
-use crate::sensor::{HeadingFix, ImuSample, PositionFix, Positions, Record, continue_times};
+use crate::sensor::{Continued, HeadingFix, ImuSample, PositionFix, Positions, Record};
 use crate::trajectory::TrajectorySettings;
 
-/// Reads the logs of a project. Methods that read a log take `clock`, which may convert the times of the log before the
-/// project's time offset is added; [`log_clock`] leaves them as they are.
+/// Reads the logs of a project. Methods that read a log take its `times`, which continue those of the excerpts read
+/// before, and `clock`, which may convert the times of the log before the project's time offset is added; [`log_clock`]
+/// leaves them as they are.
 #[derive(Clone, Copy)]
 pub struct Feed<'a> {
     project: &'a Project,
     logs: &'a Logs,
+}
+
+/// The times of the sensors in a stream of lines so far.
+#[derive(Debug, Clone)]
+pub struct StreamTimes {
+    imu: Continued,
+    heading: Continued,
+    positions: Vec<Continued>,
 }
 
 /// Leaves the times of a log as they are.
@@ -49,13 +58,14 @@ impl<'a> Feed<'a> {
     pub fn imu(
         &self,
         input: impl Into<Input>,
+        times: &mut Continued,
         clock: impl FnOnce(&mut Vec<ImuSample>),
     ) -> Result<Vec<ImuSample>> {
         let input = &input.into();
         let mut samples = format::read_imu(input)?;
         let units = self.logs.imu_units;
         samples.iter_mut().for_each(|sample| units.convert(sample));
-        remark(input, continue_times(&mut samples));
+        remark(input, times.continue_times(&mut samples));
         clock(&mut samples);
         samples.iter_mut().for_each(|sample| self.place_imu(sample));
         Ok(samples)
@@ -68,11 +78,12 @@ impl<'a> Feed<'a> {
     pub fn heading(
         &self,
         input: impl Into<Input>,
+        times: &mut Continued,
         clock: impl FnOnce(&mut Vec<HeadingFix>),
     ) -> Result<Vec<HeadingFix>> {
         let input = &input.into();
         let mut fixes = format::read_heading(input)?;
-        remark(input, continue_times(&mut fixes));
+        remark(input, times.continue_times(&mut fixes));
         clock(&mut fixes);
         fixes.iter_mut().for_each(|fix| self.place_heading(fix));
         Ok(fixes)
@@ -87,13 +98,14 @@ impl<'a> Feed<'a> {
         &self,
         sensor: usize,
         input: impl Into<Input>,
+        times: &mut Continued,
         clock: impl FnOnce(&mut Vec<PositionFix>),
     ) -> Result<Positions> {
         let input = &input.into();
         let log = &self.logs.positions[sensor];
         let crs = self.project.crs.as_ref();
         let mut positions = format::read_projected_positions(input, &log.observations, crs)?;
-        remark(input, continue_times(&mut positions.fixes));
+        remark(input, times.continue_times(&mut positions.fixes));
         let fixed_m = &self.logs.settings.positions[sensor].sigma_m;
         let qualities = &positions.qualities;
         let by_quality = log
@@ -121,13 +133,27 @@ impl<'a> Feed<'a> {
         fix.position_m -= self.project.origin_m;
     }
 
+    /// The times of a stream of lines before the first one.
+    pub fn stream_times(&self) -> StreamTimes {
+        StreamTimes {
+            imu: Continued::default(),
+            heading: Continued::default(),
+            positions: vec![Continued::default(); self.logs.positions.len()],
+        }
+    }
+
     /// The record in a line of a stream of all sensors: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a
     /// position sensor with `time_s,east_m,north_m,up_m` and optionally `sigma_m`, or `heading,time_s,heading_deg` and
     /// optionally `sigma_deg`.
     ///
     /// # Errors
     /// The line is not a record: the error that `error` makes from what was found and what was expected.
-    pub fn line(&self, text: &str, error: impl Fn(String, String) -> Error) -> Result<Record> {
+    pub fn line(
+        &self,
+        text: &str,
+        times: &mut StreamTimes,
+        error: impl Fn(String, String) -> Error,
+    ) -> Result<Record> {
         let (name, cells) = text.split_once(',').unwrap_or((text, ""));
         let name = name.trim_ascii();
         let numbers = |least: usize, most: usize, columns: &str| {
@@ -150,7 +176,7 @@ impl<'a> Feed<'a> {
                                accel_y_m_s2,accel_z_m_s2";
                 let x = numbers(7, 7, columns)?;
                 let mut sample = ImuSample {
-                    time_s: x[0],
+                    time_s: times.imu.at(x[0]),
                     gyro_rad_s: Vec3::new(x[1], x[2], x[3]),
                     accel_m_s2: Vec3::new(x[4], x[5], x[6]),
                 };
@@ -161,14 +187,16 @@ impl<'a> Feed<'a> {
                 let columns = "time_s,east_m,north_m,up_m and optionally sigma_m";
                 let x = numbers(4, 5, columns)?;
                 let position_m = Vec3::new(x[1], x[2], x[3]);
-                let mut fix = PositionFix::with_sigma(x[0], position_m, x.get(4).copied());
+                let time_s = times.positions[sensor].at(x[0]);
+                let mut fix = PositionFix::with_sigma(time_s, position_m, x.get(4).copied());
                 self.place_position(sensor, &mut fix);
                 Ok(Record::Position(sensor, fix))
             }
             ("heading", None) => {
                 let x = numbers(2, 3, "time_s,heading_deg and optionally sigma_deg")?;
                 let sigma_rad = x.get(2).map(|sigma| sigma.to_radians());
-                let mut fix = HeadingFix::new(x[0], x[1].to_radians(), sigma_rad);
+                let time_s = times.heading.at(x[0]);
+                let mut fix = HeadingFix::new(time_s, x[1].to_radians(), sigma_rad);
                 self.place_heading(&mut fix);
                 Ok(Record::Heading(fix))
             }

@@ -7,7 +7,7 @@ use crate::feed::{Feed, log_clock};
 use crate::format::{self, GrowingTable, Input};
 use crate::progress::Progress;
 use crate::project::Logs;
-use crate::sensor::Record;
+use crate::sensor::{Continued, Record};
 
 /// Interval between checks for new rows.
 const POLL: Duration = Duration::from_millis(20);
@@ -37,29 +37,31 @@ pub(super) fn follow(
             ));
         }
     }
-    let table = |path| GrowingTable::new(path, u64::MAX);
-    let mut imu = table(&logs.imu.path);
-    let mut heading = heading.map(|path| table(path));
-    let mut positions: Vec<GrowingTable> = logs.positions.iter().map(|p| table(&p.path)).collect();
+    let log = |path| (GrowingTable::new(path, u64::MAX), Continued::default());
+    let mut imu = log(&logs.imu.path);
+    let mut heading = heading.map(|path| log(path));
+    let mut positions: Vec<_> = logs.positions.iter().map(|p| log(&p.path)).collect();
     let mut grown = Instant::now();
     loop {
         let mut new = Vec::new();
-        if let Some(rows) = imu.new_rows()? {
-            let samples = feed.imu(&rows, log_clock).map_err(|e| imu.locate(e))?;
+        let (table, times) = &mut imu;
+        if let Some(rows) = table.new_rows()? {
+            let samples = feed.imu(&rows, times, log_clock);
+            let samples = samples.map_err(|e| table.locate(e))?;
             new.extend(samples.into_iter().map(Record::Imu));
         }
-        if let Some(table) = &mut heading
+        if let Some((table, times)) = &mut heading
             && let Some(rows) = table.new_rows()?
         {
-            let fixes = feed.heading(&rows, log_clock);
+            let fixes = feed.heading(&rows, times, log_clock);
             let fixes = fixes.map_err(|e| table.locate(e))?;
             new.extend(fixes.into_iter().map(Record::Heading));
         }
-        for (sensor, table) in positions.iter_mut().enumerate() {
+        for (sensor, (table, times)) in positions.iter_mut().enumerate() {
             let Some(rows) = table.new_rows()? else {
                 continue;
             };
-            let read = feed.positions(sensor, &rows, log_clock);
+            let read = feed.positions(sensor, &rows, times, log_clock);
             let read = read.map_err(|e| table.locate(e))?;
             for mut row in read.rejected {
                 row.line = table.line(row.line).unwrap_or(row.line);
@@ -73,6 +75,7 @@ pub(super) fn follow(
             progress.check()?;
             if grown.elapsed() >= idle {
                 let tables = [&imu].into_iter().chain(&heading).chain(&positions);
+                let tables = tables.map(|(table, _)| table);
                 for table in tables.filter(|table| table.has_incomplete_line()) {
                     progress.warn(&format!(
                         "{}: the last line has no end and was left out",

@@ -19,6 +19,7 @@ pub(super) fn read(
     lines: &mut dyn BufRead,
     mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
+    let mut times = feed.stream_times();
     let mut line = Vec::new();
     let mut number = 0;
     loop {
@@ -46,6 +47,6 @@ pub(super) fn read(
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
-        add(feed.line(text, fail)?)?;
+        add(feed.line(text, &mut times, fail)?)?;
     }
 }

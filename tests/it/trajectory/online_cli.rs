@@ -10,9 +10,16 @@ use std::time::Duration;
 
 const BOUND_M: f64 = 1e-6;
 
-/// Writes a project of a simulated minute.
-fn project(folder: &Path) -> super::Logs {
-    let (logs, _) = rover_drive(1);
+/// A day, seconds.
+const DAY_S: f64 = 86_400.0;
+
+/// Writes a project of a simulated minute that begins at a time of day; the times start again at midnight.
+fn project(folder: &Path, begin_s: f64) -> super::Logs {
+    let (mut logs, _) = rover_drive(1);
+    let of_day = |time_s: &mut f64| *time_s = (*time_s + begin_s) % DAY_S;
+    logs.imu.iter_mut().for_each(|s| of_day(&mut s.time_s));
+    logs.prism.iter_mut().for_each(|f| of_day(&mut f.time_s));
+    logs.heading.iter_mut().for_each(|h| of_day(&mut h.time_s));
     format::write_imu(&folder.join("imu.csv"), &logs.imu).expect("written");
     format::write_positions(&folder.join("prism.csv"), &logs.prism).expect("written");
     format::write_heading(&folder.join("heading.csv"), &logs.heading).expect("written");
@@ -72,9 +79,19 @@ fn poses(folder: &Path, file: &str) -> Vec<PoseRecord> {
 
 #[test]
 fn replayed_followed_and_piped_logs_give_the_same_trajectory() {
+    assert_all_ways_agree(0.0);
+}
+
+#[test]
+fn replayed_followed_and_piped_logs_agree_past_midnight() {
+    assert_all_ways_agree(DAY_S - 30.0);
+}
+
+/// A drive that begins at a time of day, as a whole and online in all ways.
+fn assert_all_ways_agree(begin_s: f64) {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let logs = project(folder);
+    let logs = project(folder, begin_s);
     text(&boresight(folder, "batch", &[]).output().expect("it runs"));
     let output = boresight(folder, "replay", &["--online", "--json"]).output();
     let answer = text(&output.expect("it runs"));
@@ -92,7 +109,7 @@ fn replayed_followed_and_piped_logs_give_the_same_trajectory() {
     assert_eq!(newest.len() as u64, updates);
     assert!(newest.iter().all(|pose| pose.sigma.is_some()));
 
-    assert_piped_is_the_same(folder, &logs, &newest, &batch);
+    assert_piped_is_the_same(folder, &logs, begin_s, &newest, &batch);
     assert_followed_is_the_same(folder, &newest, &batch);
 }
 
@@ -100,6 +117,7 @@ fn replayed_followed_and_piped_logs_give_the_same_trajectory() {
 fn assert_piped_is_the_same(
     folder: &Path,
     logs: &super::Logs,
+    begin_s: f64,
     newest: &[PoseRecord],
     batch: &[PoseRecord],
 ) {
@@ -124,7 +142,8 @@ fn assert_piped_is_the_same(
             format!("prism,{},{},{},{}", f.time_s, p.x, p.y, p.z),
         ));
     }
-    lines.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let continued_s = |time_s: f64| time_s + if time_s < begin_s { DAY_S } else { 0.0 };
+    lines.sort_by(|a, b| (continued_s(a.0).total_cmp(&continued_s(b.0))).then(a.1.cmp(&b.1)));
     let lines: Vec<String> = lines.into_iter().map(|(.., line)| line).collect();
     let mut child = boresight(folder, "piped", &["--online", "--stdin", "--quiet"])
         .stdin(Stdio::piped())
@@ -209,7 +228,7 @@ fn assert_followed_is_the_same(folder: &Path, newest: &[PoseRecord], batch: &[Po
 fn a_last_line_without_a_line_end_is_reported() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    project(folder);
+    project(folder, 0.0);
     let path = folder.join("prism.csv");
     let text = std::fs::read_to_string(&path).expect("a log");
     std::fs::write(&path, text.trim_end()).expect("written");

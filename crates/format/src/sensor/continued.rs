@@ -17,6 +17,8 @@ pub struct Continued {
     added_s: f64,
     /// The last time, as written, before the first start.
     end_s: Option<f64>,
+    /// Whether the next records may begin with those from the second of the last ones on.
+    is_windowed: bool,
 }
 
 impl Default for Continued {
@@ -25,11 +27,35 @@ impl Default for Continued {
             last_s: f64::NEG_INFINITY,
             added_s: 0.0,
             end_s: None,
+            is_windowed: false,
         }
     }
 }
 
 impl Continued {
+    /// The times of a log that is read in windows, each of which repeats a part of the one before.
+    pub fn in_windows() -> Self {
+        Self {
+            is_windowed: true,
+            ..Self::default()
+        }
+    }
+
+    /// Continues the times of the next records of a log; returns a sentence on it if they have started again so far.
+    pub fn continue_times<T: Timed>(&mut self, records: &mut [T]) -> Option<String> {
+        let mut times = self.clone();
+        let mut after_first = None;
+        for record in records {
+            let time_s = record.time_s_mut();
+            *time_s = times.at(*time_s);
+            after_first.get_or_insert_with(|| times.clone());
+        }
+        let remark = times.remark();
+        // The next window begins near the beginning of this one, not at its end.
+        *self = after_first.filter(|_| self.is_windowed).unwrap_or(times);
+        remark
+    }
+
     /// The next time, continued.
     pub fn at(&mut self, time_s: f64) -> f64 {
         let is_end =
@@ -76,16 +102,6 @@ impl Continued {
     }
 }
 
-/// Continues the times of a log past midnight and the end of the week; returns a sentence on it if they started again.
-pub fn continue_times<T: Timed>(records: &mut [T]) -> Option<String> {
-    let mut times = Continued::default();
-    for record in records {
-        let time_s = record.time_s_mut();
-        *time_s = times.at(*time_s);
-    }
-    times.remark()
-}
-
 /// What to add to the times of a log from `first_s` to `last_s` so that they overlap `span_s`, if both are times of the
 /// day or of the week and one of them begins after the clock started again; 0 if they overlap as they are or not at all.
 pub fn start_between_s([first_s, last_s]: [f64; 2], span_s: [f64; 2]) -> f64 {
@@ -109,6 +125,7 @@ pub fn start_between_s([first_s, last_s]: [f64; 2], span_s: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::HeadingFix;
 
     fn continued(times_s: &[f64]) -> Vec<f64> {
         let mut times = Continued::default();
@@ -131,6 +148,36 @@ mod tests {
             continued(&written),
             [86_399.8, 86_400.0, 86_399.9, 86_400.1]
         );
+    }
+
+    #[test]
+    fn excerpts_and_windows_of_a_log_continue_each_other() {
+        let fixes = |times_s: &[f64]| -> Vec<HeadingFix> {
+            let fixes = times_s.iter();
+            fixes.map(|t| HeadingFix::new(*t, 0.0, None)).collect()
+        };
+        let written: Vec<f64> = (0..40)
+            .map(|k| (84_850.0 + 100.0 * f64::from(k)) % 86_400.0)
+            .collect();
+        let all = continued(&written);
+        assert_eq!(all[39], 88_750.0);
+        let (mut excerpts, mut windows) = (Continued::default(), Continued::in_windows());
+        for end in 1..=40usize {
+            let mut new = fixes(&written[end - 1..end]);
+            let remark = excerpts.continue_times(&mut new);
+            assert_eq!(new[0].time_s, all[end - 1]);
+            assert_eq!(remark.is_some(), all[end - 1] >= 86_400.0);
+            // The windows are longer than the time near midnight in which a log starts again.
+            let begin = end.saturating_sub(10);
+            let mut window = fixes(&written[begin..end]);
+            windows.continue_times(&mut window);
+            assert!(
+                window
+                    .iter()
+                    .map(|fix| fix.time_s)
+                    .eq(all[begin..end].iter().copied())
+            );
+        }
     }
 
     #[test]

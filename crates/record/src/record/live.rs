@@ -189,19 +189,21 @@ impl Live {
             return Ok(Vec::new());
         };
         let feed = Feed::new(&self.project, logs);
-        let samples = self.imu.next(common_s, |rows, clock| {
-            feed.imu(rows, |samples| clock.put_on_common_time(samples))
+        let samples = self.imu.next(common_s, |rows, times, clock| {
+            feed.imu(rows, times, |samples| clock.put_on_common_time(samples))
         })?;
         let mut new: Vec<Record> = samples.into_iter().map(Record::Imu).collect();
         if let Some(tail) = &mut self.heading {
-            let fixes = tail.next(common_s, |rows, clock| {
-                feed.heading(rows, |fixes| clock.put_on_common_time(fixes))
+            let fixes = tail.next(common_s, |rows, times, clock| {
+                feed.heading(rows, times, |fixes| clock.put_on_common_time(fixes))
             })?;
             new.extend(fixes.into_iter().map(Record::Heading));
         }
         for (sensor, tail) in self.positions.iter_mut().enumerate() {
-            let fixes = tail.next(common_s, |rows, clock| {
-                let read = feed.positions(sensor, rows, |fixes| clock.put_on_common_time(fixes));
+            let fixes = tail.next(common_s, |rows, times, clock| {
+                let read = feed.positions(sensor, rows, times, |fixes| {
+                    clock.put_on_common_time(fixes);
+                });
                 read.map(|positions| positions.fixes)
             })?;
             new.extend(fixes.into_iter().map(|fix| Record::Position(sensor, fix)));

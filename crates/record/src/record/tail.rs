@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
 use crate::format::{GrowingTable, Input};
-use crate::sensor::Timed;
+use crate::sensor::{Continued, Timed};
 
 /// The largest number of bytes of a log that are read at a time. For a binary log they include the last seconds before
 /// the new bytes, because the times of new records are computed from earlier ones.
@@ -23,6 +23,7 @@ const AHEAD_S: f64 = 3600.0;
 /// A log that grows, and the clock of its sensor.
 pub(super) struct Tail {
     log: Log,
+    times: Continued,
     clock: EstimatedClock,
     /// Why the newest bytes hold no record.
     trouble: Option<String>,
@@ -36,12 +37,15 @@ enum Log {
 impl Tail {
     pub(super) fn new(path: &Path) -> Self {
         let is_table = path.extension().is_some_and(|extension| extension == "csv");
+        let (log, times) = if is_table {
+            let table = GrowingTable::new(path, WINDOW as u64);
+            (Log::Table(table), Continued::default())
+        } else {
+            (Log::Binary(Window::new(path)), Continued::in_windows())
+        };
         Self {
-            log: if is_table {
-                Log::Table(GrowingTable::new(path, WINDOW as u64))
-            } else {
-                Log::Binary(Window::new(path))
-            },
+            log,
+            times,
             clock: EstimatedClock::default(),
             trouble: None,
         }
@@ -53,14 +57,14 @@ impl Tail {
     }
 
     /// The records that have arrived since the last call; none while the offset of their clock is being estimated.
-    /// `read` reads an excerpt of the log and converts its sensor times to the common time with the clock.
+    /// `read` reads an excerpt of the log, continues its times, and converts them to the common time with the clock.
     ///
     /// # Errors
     /// The log cannot be read, or the new bytes are not in its format.
     pub(super) fn next<T>(
         &mut self,
         common_s: f64,
-        read: impl FnOnce(&Input, At<'_>) -> Result<Vec<T>>,
+        read: impl FnOnce(&Input, &mut Continued, At<'_>) -> Result<Vec<T>>,
     ) -> Result<Vec<T>> {
         let excerpt = match &mut self.log {
             Log::Table(table) => table.new_rows()?,
@@ -74,9 +78,10 @@ impl Tail {
             clock: &mut self.clock,
             common_s,
         };
+        let records = read(&excerpt, &mut self.times, at);
         let (result, is_table) = match &self.log {
-            Log::Table(table) => (read(&excerpt, at).map_err(|e| table.locate(e)), true),
-            Log::Binary(_) => (read(&excerpt, at).map_err(without_location), false),
+            Log::Table(table) => (records.map_err(|e| table.locate(e)), true),
+            Log::Binary(_) => (records.map_err(without_location), false),
         };
         self.trouble = None;
         match result {

@@ -3,7 +3,7 @@
 use crate::error::{Error, Location, Result};
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
-use crate::sensor::{PoseRecord, continue_times, longest_increasing};
+use crate::sensor::{Continued, PoseRecord, longest_increasing};
 
 /// The poses of a file in time order. Times that start again at midnight or at the end of the week are continued; poses
 /// that repeat a time or are out of order are left out and counted.
@@ -14,7 +14,7 @@ pub(crate) fn in_time_order(input: &Input, mut poses: Vec<PoseRecord>) -> Result
     if poses.is_empty() {
         return Err(nothing_in(input.path(), "pose"));
     }
-    if let Some(text) = continue_times(&mut poses) {
+    if let Some(text) = Continued::default().continue_times(&mut poses) {
         input.remark(text);
     }
     let times_s: Vec<f64> = poses.iter().map(|pose| pose.time_s).collect();

@@ -20,6 +20,8 @@ struct Drive {
     live: Live,
     /// By how much the clocks of the IMU and the prism are slow, seconds.
     slow_s: [f64; 2],
+    /// Common time of the midnight at which the times in the logs start again, seconds.
+    midnight_s: Option<f64>,
     polar: bool,
 }
 
@@ -63,8 +65,17 @@ impl Drive {
             folder,
             live,
             slow_s,
+            midnight_s: None,
             polar,
         }
+    }
+
+    /// A time as the logs write it, seconds.
+    fn written_s(&self, time_s: f64) -> f64 {
+        let Some(midnight_s) = self.midnight_s else {
+            return time_s;
+        };
+        (time_s - midnight_s).rem_euclid(86_400.0)
     }
 
     fn append(&self, name: &str, row: &str) {
@@ -76,7 +87,7 @@ impl Drive {
     /// Appends the measurements of the IMU; `from` and `to` in hundredths of a second.
     fn imu(&self, from: u32, to: u32) {
         for k in from..to {
-            let time_s = BEGIN_S + 0.01 * f64::from(k) - self.slow_s[0];
+            let time_s = self.written_s(BEGIN_S + 0.01 * f64::from(k) - self.slow_s[0]);
             self.append("imu.csv", &format!("{time_s:.3},0,0,0,0,0,-9.81"));
         }
     }
@@ -85,7 +96,8 @@ impl Drive {
     fn others(&self, from: u32, to: u32) {
         for k in (from..to).filter(|k| k % 10 == 0) {
             let (true_s, east_m) = (BEGIN_S + 0.01 * f64::from(k), 0.01 * f64::from(k));
-            let time_s = true_s - self.slow_s[1];
+            let time_s = self.written_s(true_s - self.slow_s[1]);
+            let heading_s = self.written_s(true_s);
             let place = if self.polar {
                 let level_m = east_m.hypot(20.0);
                 let hz_deg = east_m.atan2(20.0).to_degrees();
@@ -94,7 +106,7 @@ impl Drive {
                 format!("{east_m:.6},20,0")
             };
             self.append("prism.csv", &format!("{time_s:.3},{place}"));
-            self.append("heading.csv", &format!("{true_s:.3},90"));
+            self.append("heading.csv", &format!("{heading_s:.3},90"));
         }
     }
 
@@ -115,6 +127,23 @@ fn the_live_pose_uses_the_time_offsets_of_the_project() {
     let pose = drive.live.pose.unwrap();
     let off_m = pose.position_m.x - (pose.time_s - BEGIN_S);
     assert!(off_m.abs() < 0.02, "{off_m}");
+}
+
+#[test]
+fn the_live_pose_goes_on_at_midnight() {
+    let mut drive = Drive::new([0.0; 2]);
+    drive.midnight_s = Some(BEGIN_S + 8.1);
+    for k in (0..1400).step_by(25) {
+        drive.imu(k, k + 25);
+        drive.others(k, k + 25);
+        drive.look(k + 25);
+        if k < 700 {
+            continue;
+        }
+        let pose = drive.live.pose.expect("a pose");
+        let now_s = BEGIN_S + 0.01 * f64::from(k + 25);
+        assert!(pose.time_s > now_s - 1.0, "{} at {now_s}", pose.time_s);
+    }
 }
 
 #[test]

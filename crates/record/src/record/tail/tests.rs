@@ -25,8 +25,9 @@ impl Growing {
         let log = self.folder.path().join(self.name);
         let mut log = OpenOptions::new().append(true).open(log).unwrap();
         log.write_all(new.as_bytes()).unwrap();
-        self.tail.next(common_s, |rows, clock| {
+        self.tail.next(common_s, |rows, times, clock| {
             let mut fixes = format::read_heading(rows)?;
+            times.continue_times(&mut fixes);
             clock.put_on_common_time(&mut fixes);
             Ok(fixes)
         })
