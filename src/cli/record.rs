@@ -232,21 +232,23 @@ fn clock_line(view: &View) -> String {
 
 /// Pose and boards.
 fn live_lines(live: &LiveView, common_s: f64) -> Vec<String> {
-    let pose = match (&live.pose, &live.trouble) {
-        (_, Some(trouble)) => trouble.clone(),
-        (None, None) => "no pose yet".to_owned(),
-        (Some(pose), None) => {
-            let [east, north, up] = pose.position_m.into();
-            format!(
-                "east {east:.3}  north {north:.3}  up {up:.3} m ± {:.1} mm  heading {:.2}° ± {:.2}°  {:.1} s ago",
-                1e3 * pose.sigma_m.norm(),
-                pose.heading_rad.to_degrees().rem_euclid(360.0),
-                pose.heading_sigma_rad.to_degrees(),
-                common_s - pose.time_s
-            )
-        }
-    };
-    let mut lines = vec![format!("{:<12} {pose}", "pose")];
+    let pose = live.pose.as_ref().map(|pose| {
+        let [east, north, up] = pose.position_m.into();
+        format!(
+            "east {east:.3}  north {north:.3}  up {up:.3} m ± {:.1} mm  heading {:.2}° ± {:.2}°  {:.1} s ago",
+            1e3 * pose.sigma_m.norm(),
+            pose.heading_rad.to_degrees().rem_euclid(360.0),
+            pose.heading_sigma_rad.to_degrees(),
+            common_s - pose.time_s
+        )
+    });
+    let mut texts: Vec<String> = pose.into_iter().chain(live.trouble.clone()).collect();
+    if texts.is_empty() {
+        texts.push("no pose yet".to_owned());
+    }
+    let lines = ["pose", ""].iter().zip(&texts);
+    let lines = lines.map(|(label, text)| format!("{label:<12} {text}"));
+    let mut lines: Vec<String> = lines.collect();
     for board in &live.boards {
         let courses = board
             .courses

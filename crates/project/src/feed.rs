@@ -142,6 +142,15 @@ impl<'a> Feed<'a> {
         }
     }
 
+    /// The names of the sensors whose times in a stream of lines started again, each with a sentence on it.
+    pub fn remarks<'b>(&'b self, times: &'b StreamTimes) -> impl Iterator<Item = (&'b str, String)> {
+        let names = self.logs.settings.positions.iter();
+        let names = names.map(|sensor| sensor.name.as_str());
+        let all = [("imu", &times.imu), ("heading", &times.heading)];
+        let all = all.into_iter().chain(names.zip(&times.positions));
+        all.filter_map(|(name, times)| Some((name, times.remark()?)))
+    }
+
     /// The record in a line of a stream of all sensors: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a
     /// position sensor with `time_s,east_m,north_m,up_m` and optionally `sigma_m`, or `heading,time_s,heading_deg` and
     /// optionally `sigma_deg`.

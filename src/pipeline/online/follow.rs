@@ -1,5 +1,6 @@
 //! Following of growing logs.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use crate::error::{Error, Location, Result};
@@ -8,6 +9,22 @@ use crate::format::{self, GrowingTable, Input};
 use crate::progress::Progress;
 use crate::project::Logs;
 use crate::sensor::{Continued, Record};
+
+/// Passes remarks of readers on to the user. Remarks that differ in numbers only are the same, so that a log that is read
+/// in many excerpts says each thing once.
+#[derive(Default)]
+struct Remarks(BTreeSet<String>);
+
+impl Remarks {
+    fn warn(&mut self, name: &str, rows: &Input, progress: &dyn Progress) {
+        for remark in rows.remarks() {
+            let text = format!("{name}: {remark}");
+            if self.0.insert(text.replace(|c: char| c.is_ascii_digit(), "")) {
+                progress.warn(&text);
+            }
+        }
+    }
+}
 
 /// Interval between checks for new rows.
 const POLL: Duration = Duration::from_millis(20);
@@ -41,6 +58,7 @@ pub(super) fn follow(
     let mut imu = log(&logs.imu.path);
     let mut heading = heading.map(|path| log(path));
     let mut positions: Vec<_> = logs.positions.iter().map(|p| log(&p.path)).collect();
+    let mut remarks = Remarks::default();
     let mut grown = Instant::now();
     loop {
         let mut new = Vec::new();
@@ -48,6 +66,7 @@ pub(super) fn follow(
         if let Some(rows) = table.new_rows()? {
             let samples = feed.imu(&rows, times, log_clock);
             let samples = samples.map_err(|e| table.locate(e))?;
+            remarks.warn("imu", &rows, progress);
             new.extend(samples.into_iter().map(Record::Imu));
         }
         if let Some((table, times)) = &mut heading
@@ -55,6 +74,7 @@ pub(super) fn follow(
         {
             let fixes = feed.heading(&rows, times, log_clock);
             let fixes = fixes.map_err(|e| table.locate(e))?;
+            remarks.warn("heading", &rows, progress);
             new.extend(fixes.into_iter().map(Record::Heading));
         }
         for (sensor, (table, times)) in positions.iter_mut().enumerate() {
@@ -63,9 +83,10 @@ pub(super) fn follow(
             };
             let read = feed.positions(sensor, &rows, times, log_clock);
             let read = read.map_err(|e| table.locate(e))?;
+            let name = &logs.settings.positions[sensor].name;
+            remarks.warn(name, &rows, progress);
             for mut row in read.rejected {
                 row.line = table.line(row.line).unwrap_or(row.line);
-                let name = &logs.settings.positions[sensor].name;
                 progress.say(&format!("{name}: rejected {row}"));
             }
             let fixes = read.fixes.into_iter();

@@ -5,18 +5,21 @@ use std::path::Path;
 
 use crate::error::{Error, Location, Result};
 use crate::feed::Feed;
+use crate::progress::Progress;
 use crate::sensor::Record;
 
 /// Maximum length of a line, bytes.
 const MAX_LINE: usize = 4096;
 
-/// Reads all lines as [`Feed::line`] describes them; empty lines and comments (`#`) are skipped.
+/// Reads all lines as [`Feed::line`] describes them; empty lines and comments (`#`) are skipped. Remarks on
+/// times that started again follow at the end.
 ///
 /// # Errors
 /// A line that is not a record, with its number.
 pub(super) fn read(
     feed: Feed<'_>,
     lines: &mut dyn BufRead,
+    progress: &dyn Progress,
     mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
     let mut times = feed.stream_times();
@@ -30,6 +33,9 @@ pub(super) fn read(
             .read_until(b'\n', &mut line)
             .map_err(|error| Error::io("stdin", error))?;
         if read == 0 {
+            for (sensor, remark) in feed.remarks(&times) {
+                progress.warn(&format!("{sensor}: {remark}"));
+            }
             return Ok(());
         }
         let fail = |found: String, expected: String| {

@@ -56,9 +56,12 @@ fn boresight(folder: &Path, out: &str, flags: &[&str]) -> Command {
     command
 }
 
-fn text(output: &Output) -> String {
+/// The answer of a run that says as often as `starts` that the times of a log started again.
+fn text(output: &Output, starts: usize) -> String {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{stderr}");
+    let said = stderr.matches("the times start again").count();
+    assert_eq!(said, starts, "{stderr}");
     String::from_utf8(output.stdout.clone()).expect("text")
 }
 
@@ -92,9 +95,12 @@ fn assert_all_ways_agree(begin_s: f64) {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let logs = project(folder, begin_s);
-    text(&boresight(folder, "batch", &[]).output().expect("it runs"));
+    // The logs of the IMU, the prism and the headings.
+    let starts = if begin_s > 0.0 { 3 } else { 0 };
+    let output = boresight(folder, "batch", &[]).output();
+    text(&output.expect("it runs"), starts);
     let output = boresight(folder, "replay", &["--online", "--json"]).output();
-    let answer = text(&output.expect("it runs"));
+    let answer = text(&output.expect("it runs"), starts);
     let answer: serde_json::Value = serde_json::from_str(&answer).expect("one document");
     let updates = answer["online"]["updates"].as_u64().expect("a number");
     assert!((380..=420).contains(&updates), "{updates}");
@@ -110,7 +116,7 @@ fn assert_all_ways_agree(begin_s: f64) {
     assert!(newest.iter().all(|pose| pose.sigma.is_some()));
 
     assert_piped_is_the_same(folder, &logs, begin_s, &newest, &batch);
-    assert_followed_is_the_same(folder, &newest, &batch);
+    assert_followed_is_the_same(folder, starts, &newest, &batch);
 }
 
 /// The same records, merged, through standard input.
@@ -145,14 +151,15 @@ fn assert_piped_is_the_same(
     let continued_s = |time_s: f64| time_s + if time_s < begin_s { DAY_S } else { 0.0 };
     lines.sort_by(|a, b| (continued_s(a.0).total_cmp(&continued_s(b.0))).then(a.1.cmp(&b.1)));
     let lines: Vec<String> = lines.into_iter().map(|(.., line)| line).collect();
-    let mut child = boresight(folder, "piped", &["--online", "--stdin", "--quiet"])
+    let mut child = boresight(folder, "piped", &["--online", "--stdin"])
         .stdin(Stdio::piped())
         .spawn()
         .expect("it runs");
     let mut stdin = child.stdin.take().expect("a pipe");
     let all = lines.join("\n");
     let writer = std::thread::spawn(move || writeln!(stdin, "# merged\n\n{all}"));
-    let answer = text(&child.wait_with_output().expect("it ends"));
+    let starts = if begin_s > 0.0 { 3 } else { 0 };
+    let answer = text(&child.wait_with_output().expect("it ends"), starts);
     writer.join().expect("no panic").expect("written");
     let rows: Vec<&str> = answer
         .lines()
@@ -192,7 +199,12 @@ fn assert_piped_is_the_same(
 }
 
 /// The same logs, followed while they are written in pieces that end inside lines.
-fn assert_followed_is_the_same(folder: &Path, newest: &[PoseRecord], batch: &[PoseRecord]) {
+fn assert_followed_is_the_same(
+    folder: &Path,
+    starts: usize,
+    newest: &[PoseRecord],
+    batch: &[PoseRecord],
+) {
     let names = ["imu.csv", "prism.csv", "heading.csv"];
     let whole = names.map(|name| std::fs::read(folder.join(name)).expect("a log"));
     for (name, bytes) in names.iter().zip(&whole) {
@@ -216,7 +228,7 @@ fn assert_followed_is_the_same(folder: &Path, newest: &[PoseRecord], batch: &[Po
         }
         std::thread::sleep(Duration::from_millis(15));
     }
-    let answer = text(&child.wait_with_output().expect("it ends"));
+    let answer = text(&child.wait_with_output().expect("it ends"), starts);
     // Logs written in pieces run ahead of each other, which adds or drops some poses.
     let rows = answer.lines().filter(|line| !line.starts_with('#')).count();
     assert!(rows.abs_diff(newest.len() + 1) < newest.len() / 3, "{rows}");

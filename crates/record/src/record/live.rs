@@ -30,7 +30,7 @@ const OVERLAP_S: f64 = 120.0;
 pub struct LiveView {
     /// The newest pose; `None` before the first one.
     pub pose: Option<LivePose>,
-    /// Why there is no pose.
+    /// Why there is no pose, or what the readers of the logs left out or assumed.
     pub trouble: Option<String>,
     /// The courses on which the scanners crossed each board.
     pub boards: Vec<BoardCoverage>,
@@ -132,15 +132,14 @@ impl Live {
         self.failure = Some(error.to_string());
     }
 
-    /// Why there is no pose; `None` if there is one.
+    /// Why there is no pose; if there is one, what the readers of the logs remarked in the last seconds.
     fn trouble(&self) -> Option<String> {
+        let tails = [&self.imu].into_iter();
+        let mut tails = tails.chain(&self.heading).chain(&self.positions);
         if self.pose.is_some() {
-            return None;
+            let remarks: Vec<&str> = tails.filter_map(Tail::remarks).collect();
+            return (!remarks.is_empty()).then(|| remarks.join("; "));
         }
-        let mut tails = [&self.imu]
-            .into_iter()
-            .chain(&self.heading)
-            .chain(&self.positions);
         let smoother = self.smoothers.first();
         let why = self.failure.as_deref();
         let why = why.or_else(|| tails.find_map(Tail::trouble));

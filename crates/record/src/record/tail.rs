@@ -13,6 +13,8 @@ use crate::sensor::{Continued, Timed};
 const WINDOW: usize = 1 << 18;
 /// The offset of a sensor's clock is the smallest difference of arrival time and sensor time during this time, seconds.
 const ESTIMATION_S: f64 = 4.0;
+/// How long remarks of a reader are shown, seconds.
+const REMARKS_S: f64 = 10.0;
 /// If the offset is smaller than this, the sensor's clock is taken to show the common time, seconds.
 const SAME_CLOCK_S: f64 = 0.25;
 /// If sensor times go back by more than this, the sensor was restarted, as when a whole log is read. If they leap ahead
@@ -27,6 +29,8 @@ pub(super) struct Tail {
     clock: EstimatedClock,
     /// Why the newest bytes hold no record.
     trouble: Option<String>,
+    /// The last remarks of the reader, and their common time, seconds.
+    remarks: Option<(String, f64)>,
 }
 
 enum Log {
@@ -48,7 +52,13 @@ impl Tail {
             times,
             clock: EstimatedClock::default(),
             trouble: None,
+            remarks: None,
         }
+    }
+
+    /// What the reader of the log left out or assumed in the last seconds.
+    pub(super) fn remarks(&self) -> Option<&str> {
+        self.remarks.as_ref().map(|(text, _)| text.as_str())
     }
 
     /// Why the newest bytes hold no record.
@@ -66,6 +76,10 @@ impl Tail {
         common_s: f64,
         read: impl FnOnce(&Input, &mut Continued, At<'_>) -> Result<Vec<T>>,
     ) -> Result<Vec<T>> {
+        let is_old = |(_, at_s): &(String, f64)| common_s - at_s > REMARKS_S;
+        if self.remarks.as_ref().is_some_and(is_old) {
+            self.remarks = None;
+        }
         let excerpt = match &mut self.log {
             Log::Table(table) => table.new_rows()?,
             Log::Binary(window) => window.next()?,
@@ -84,6 +98,11 @@ impl Tail {
             Log::Binary(_) => (records.map_err(without_location), false),
         };
         self.trouble = None;
+        let remarks = excerpt.remarks();
+        if !remarks.is_empty() {
+            let name = excerpt.path().file_name().unwrap_or_default().display();
+            self.remarks = Some((format!("{name}: {}", remarks.join("; ")), common_s));
+        }
         match result {
             // The log may have no such records yet, or at all. After an outage, the window of a binary log has none.
             Err(error @ Error::Format { .. }) if !is_table || !has_records => {

@@ -143,6 +143,10 @@ fn the_live_pose_goes_on_at_midnight() {
         let pose = drive.live.pose.expect("a pose");
         let now_s = BEGIN_S + 0.01 * f64::from(k + 25);
         assert!(pose.time_s > now_s - 1.0, "{} at {now_s}", pose.time_s);
+        let is_remarked = drive.live.trouble().is_some_and(|trouble| {
+            trouble.contains("imu.csv: the times start again") && trouble.contains("prism.csv:")
+        });
+        assert_eq!(is_remarked, k + 25 > 810, "{:?}", drive.live.trouble());
     }
 }
 
