@@ -57,6 +57,8 @@ impl LineServer {
                     std::thread::sleep(Duration::from_millis(5));
                     continue;
                 };
+                // The recorder leaves out what comes before the first line end.
+                let _ = stream.write_all(b"\n");
                 while !stop.load(Ordering::Relaxed) && !is_dead.load(Ordering::Relaxed) {
                     let number = sent.load(Ordering::Relaxed);
                     if stream.write_all(line(number).as_bytes()).is_err() {

@@ -91,8 +91,7 @@ impl Player {
             let sender = Sender {
                 log,
                 link,
-                // The recorder writes the header of a table itself.
-                skips_first: matches!(source.kind, Kind::Lines(_)),
+                is_table: matches!(source.kind, Kind::Lines(_)),
                 is_timed_here: source.kind.is_timed_here(),
                 lead_s,
                 clock: clock.clone(),
@@ -186,7 +185,7 @@ impl Link {
 struct Sender {
     log: PathBuf,
     link: Link,
-    skips_first: bool,
+    is_table: bool,
     is_timed_here: bool,
     lead_s: f64,
     clock: Clock,
@@ -221,9 +220,12 @@ impl Sender {
             if self.is_timed_here {
                 bytes = without_times(&bytes);
             }
-            if !(self.skips_first && number == 0) {
-                self.link.send(&bytes);
+            if self.is_table && number == 0 {
+                // The recorder writes the header itself. It leaves out what it receives before the first line end, as a
+                // link may be opened in the middle of a row.
+                bytes = b"\n".to_vec();
             }
+            self.link.send(&bytes);
         }
         // The recorder would reopen a closed link, so it stays open until the player stops.
         while !self.stop.load(Ordering::Relaxed) {

@@ -53,8 +53,9 @@ pub fn record(thread: &SourceThread<'_>) -> Result<()> {
         thread.status.opened();
         thread.event("connected")?;
         counter.reopened();
-        // A serial line may be opened in the middle of a row.
-        let is_cut = matches!(source.place, Place::Serial(..));
+        // A serial line may be opened in the middle of a row, and so may a server that passes one on. A datagram begins
+        // with a row.
+        let is_cut = !matches!(source.place, Place::Udp(_));
         thread.status.damaged(lines.interrupt(is_cut));
         while thread.goes_on() {
             match wire.read(&mut buffer) {

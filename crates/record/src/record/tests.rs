@@ -83,8 +83,8 @@ impl Drop for Sender {
 #[test]
 fn a_line_cut_off_by_the_end_of_a_link_is_not_joined_with_the_next() {
     let parent = tempfile::tempdir().unwrap();
-    let plain = Sender::new(&["11\n12", "3.4\n5\n"]);
-    let timed = Sender::new(&["1.5,11\n17", "1.9,5\n2.0,6\n"]);
+    let plain = Sender::new(&["10\n11\n12", "3.4\n5\n"]);
+    let timed = Sender::new(&["1.4,10\n1.5,11\n17", "1.9,5\n2.0,6\n"]);
     let text = [("plain", "number", &plain), ("timed", "time_s,number", &timed)].map(
         |(name, header, sender)| {
             format!(
@@ -103,12 +103,10 @@ fn a_line_cut_off_by_the_end_of_a_link_is_not_joined_with_the_next() {
         .iter()
         .map(|row| row.split_once(',').unwrap().1.to_owned())
         .collect();
-    assert_eq!(plain, ["11", "3.4", "5"]);
-    assert_eq!(
-        rows(&folder.join("timed.csv")),
-        ["1.5,11", "1.9,5", "2.0,6"]
-    );
-    assert_eq!(damaged, [2, 2]);
+    // The first row of a connection may be the end of a row.
+    assert_eq!(plain, ["11", "5"]);
+    assert_eq!(rows(&folder.join("timed.csv")), ["1.5,11", "2.0,6"]);
+    assert_eq!(damaged, [9, 15]);
 }
 
 #[test]
@@ -118,7 +116,7 @@ fn received_lines_are_written_while_a_link_is_down() {
     let address = listener.local_addr().unwrap();
     let sender = std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().unwrap();
-        stream.write_all(b"42\n").unwrap();
+        stream.write_all(b"41\n42\n").unwrap();
     });
     let field = field(
         parent.path(),

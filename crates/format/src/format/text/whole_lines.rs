@@ -20,7 +20,7 @@ impl WholeLines {
     }
 
     /// Returns the lines that these bytes complete, with their line ends, and the number of bytes dropped because the
-    /// beginning of their line is missing.
+    /// beginning of their line is missing. A mere line end is none of them: nothing is lost with it.
     pub fn take(&mut self, bytes: &[u8]) -> (Vec<u8>, u64) {
         let mut dropped = 0;
         if self.is_cut {
@@ -28,6 +28,7 @@ impl WholeLines {
             self.is_cut = end.is_none();
             dropped = end.map_or(bytes.len(), |at| at + 1);
         }
+        let is_blank = bytes[..dropped].trim_ascii().is_empty();
         let bytes = &bytes[dropped..];
         let end = bytes.iter().rposition(|byte| *byte == b'\n');
         let (ended, rest) = bytes.split_at(end.map_or(0, |at| at + 1));
@@ -37,7 +38,7 @@ impl WholeLines {
             lines.extend_from_slice(ended);
         }
         self.begun.extend_from_slice(rest);
-        (lines, dropped as u64)
+        (lines, if is_blank { 0 } else { dropped as u64 })
     }
 
     /// The beginning of the line whose end has not arrived.
@@ -66,5 +67,7 @@ mod tests {
         assert_eq!(lines.interrupt(false), 1);
         assert_eq!(lines.take(b"9\n\n10"), (b"9\n\n".to_vec(), 0));
         assert_eq!(lines.end_line(), b"10");
+        lines.interrupt(true);
+        assert_eq!(lines.take(b"\r\n11\n"), (b"11\n".to_vec(), 0));
     }
 }
