@@ -15,13 +15,15 @@ const NOTABLE_END_S: f64 = 1.0;
 
 /// The verdicts on a recording: on its system clock, and on the named sensors that have clocks or times of arrival.
 pub fn verdicts(system: &RecordingClock, sensors: &[(&str, SensorClock)]) -> Vec<Verdict> {
+    let arrivals = sensors.iter().map(|(_, clock)| clock.last_arrival_s);
+    let until_s = arrivals.fold(f64::NEG_INFINITY, f64::max);
     let sensors = sensors.iter();
     let on_sensors = sensors.flat_map(|(name, clock)| sensor_verdicts(name, clock));
-    system_clock(system).into_iter().chain(on_sensors).collect()
+    system_clock(system, until_s).into_iter().chain(on_sensors).collect()
 }
 
-/// The verdict on the system clock.
-fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
+/// The verdict on the system clock of a recording that ends at a common time, seconds.
+fn system_clock(clock: &RecordingClock, until_s: f64) -> Option<Verdict> {
     let code = "recording.clock";
     let common = "times of the total station are from a clock that ran evenly from the beginning, and times of sensors \
                   with clocks of their own follow from the arrival times";
@@ -40,7 +42,7 @@ fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
             ..Verdict::care(code, text)
         });
     }
-    if clock.is_synchronised() {
+    if clock.is_synchronised(until_s) {
         return None;
     }
     let why = match (clock.answered, clock.locked) {
@@ -48,6 +50,10 @@ fn system_clock(clock: &RecordingClock) -> Option<Verdict> {
         (_, 0) => "it was not synchronised".to_owned(),
         (_, locked) if locked < clock.checks => {
             format!("it was not synchronised for {} s", clock.checks - locked)
+        }
+        _ if clock.damaged > 0 => format!("damaged checks: {}", clock.damaged),
+        _ if clock.unchecked_s(until_s) > 0.0 => {
+            format!("its checks end {:.0} s before the recording", clock.unchecked_s(until_s))
         }
         _ => format!("it was off by {:.1} ms", 1e3 * clock.worst_rms_s),
     };
@@ -148,4 +154,29 @@ fn missing_arrivals(name: &str, clock: &SensorClock) -> Option<Verdict> {
             ..Verdict::note("recording.arrivals", text)
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checks_of_the_clock_that_are_missing_are_reported() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clock.csv");
+        let verdict = |damaged: &str, until_s: f64| {
+            let rows = "1000,0,PPS,0,0,1,\n1001,1,PPS,0,0,1,\n";
+            let header = "unix_s,monotonic_s,reference,offset_s,rms_s,is_locked,set_s\n";
+            std::fs::write(&path, format!("{header}{rows}{damaged}")).unwrap();
+            system_clock(&RecordingClock::read(&path).unwrap(), until_s)
+        };
+        assert!(verdict("", 1002.0).is_none());
+        for (damaged, until_s, why) in [
+            ("", 4601.0, "(its checks end 3600 s before the recording)"),
+            ("x\n", 1002.0, "(damaged checks: 1)"),
+        ] {
+            let verdict = verdict(damaged, until_s).unwrap();
+            assert!(verdict.text.contains(why), "{}", verdict.text);
+        }
+    }
 }

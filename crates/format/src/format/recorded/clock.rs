@@ -2,14 +2,17 @@
 
 use std::path::Path;
 
-use crate::error::Error;
-use crate::error::{Location, Result};
+use crate::error::{Error, Result};
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
-use crate::format::text::lines::{Lines, Separator};
+use crate::format::text::lines::Lines;
 
 /// The system clock counts as synchronised if chrony reports at most this root mean square offset, seconds.
 const GOOD_RMS_S: f64 = 1e-3;
+/// A kill or a power cut costs the checks of the last seconds. A recording that continues for longer after its last
+/// check, and for more than this many intervals between checks, is not known to have had the right time. Seconds.
+const UNCHECKED_S: f64 = 10.0;
+const UNCHECKED_INTERVALS: f64 = 3.0;
 
 /// State of the system clock during a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,65 +31,114 @@ pub struct RecordingClock {
     pub reference: String,
     /// Steps by which the clock was set, and their times since the beginning, seconds.
     pub steps: Vec<(f64, f64)>,
+    /// Time of the last check by the monotonic clock, seconds.
+    pub last_s: f64,
+    /// Number of damaged rows.
+    pub damaged: usize,
+}
+
+/// A row of the file.
+struct Check {
+    unix_s: f64,
+    monotonic_s: f64,
+    /// Whether chrony answered.
+    is_answered: bool,
+    /// The root mean square of the clock's offsets, seconds, and its reference, if it was synchronised.
+    locked: Option<(f64, String)>,
+    set_s: Option<f64>,
+}
+
+impl Check {
+    /// The check in a row; `None` if the row is damaged.
+    fn read(row: &str) -> Option<Self> {
+        let cells: Vec<&str> = row.split(',').map(str::trim_ascii).collect();
+        let &[unix, monotonic, reference, _, rms, locked, set] = cells.as_slice() else {
+            return None;
+        };
+        let number = |cell: &str| cell.parse().ok().filter(|x: &f64| x.is_finite());
+        Some(Self {
+            unix_s: number(unix)?,
+            monotonic_s: number(monotonic)?,
+            is_answered: !locked.is_empty(),
+            locked: match locked {
+                "1" => Some((number(rms)?, reference.to_owned())),
+                "0" | "" => None,
+                _ => return None,
+            },
+            set_s: match set {
+                "" => None,
+                set => Some(number(set)?),
+            },
+        })
+    }
 }
 
 impl RecordingClock {
-    /// Reads `clock.csv`, without a last row that a crash cut off.
+    /// Reads `clock.csv`, without a last row that a crash cut off. Damaged rows are left out and counted.
     ///
     /// # Errors
     /// The file cannot be read, or has no row.
     pub fn read(path: &Path) -> Result<Self> {
         let mut lines = Lines::open(&Input::from(path))?;
-        let mut clock: Option<Self> = None;
-        lines.next_content()?;
-        while lines.next_content()? {
-            let mut cells = Vec::new();
-            let _ = Separator::Comma.split(lines.text(), |_, cell| {
-                cells.push(cell.to_owned());
-                Ok::<(), ()>(())
-            });
-            let [unix, monotonic, reference, _, rms, locked, set] = cells.as_slice() else {
-                continue;
+        let (mut clock, mut damaged): (Option<Self>, usize) = (None, 0);
+        let mut is_header = true;
+        loop {
+            let check = match lines.next_content() {
+                Ok(false) => break,
+                Ok(true) if is_header => {
+                    is_header = false;
+                    continue;
+                }
+                Ok(true) => Check::read(lines.text()),
+                Err(Error::Format { .. }) => None,
+                Err(error) => return Err(error),
             };
-            let (Ok(unix_s), Ok(monotonic_s)) = (unix.parse::<f64>(), monotonic.parse::<f64>())
-            else {
+            let Some(check) = check else {
+                damaged += 1;
                 continue;
             };
             let clock = clock.get_or_insert(Self {
-                begin_s: unix_s - monotonic_s,
+                begin_s: check.unix_s - check.monotonic_s,
                 checks: 0,
                 answered: 0,
                 locked: 0,
                 worst_rms_s: 0.0,
                 reference: String::new(),
                 steps: Vec::new(),
+                last_s: check.monotonic_s,
+                damaged: 0,
             });
+            // One of two rows in the wrong order is wrong.
+            damaged += usize::from(check.monotonic_s < clock.last_s);
+            clock.last_s = check.monotonic_s;
             clock.checks += 1;
-            clock.answered += usize::from(!locked.is_empty());
-            if locked == "1" {
+            clock.answered += usize::from(check.is_answered);
+            if let Some((rms_s, reference)) = check.locked {
                 clock.locked += 1;
-                clock.worst_rms_s = clock.worst_rms_s.max(rms.parse().unwrap_or(f64::INFINITY));
-                clock.reference.clone_from(reference);
+                clock.worst_rms_s = clock.worst_rms_s.max(rms_s);
+                clock.reference = reference;
             }
-            clock
-                .steps
-                .extend(set.parse().map(|set_s| (set_s, monotonic_s)));
+            let step = check.set_s.map(|set_s| (set_s, check.monotonic_s));
+            clock.steps.extend(step);
         }
-        match clock {
-            Some(clock) if clock.begin_s.is_finite() => Ok(clock),
-            Some(_) => Err(Error::format(
-                path,
-                Location::Whole,
-                "times that are not numbers",
-                "the times of a recording",
-            )),
-            None => Err(nothing_in(path, "check of the clock")),
-        }
+        let clock = clock.ok_or_else(|| nothing_in(path, "check of the clock"))?;
+        Ok(Self { damaged, ..clock })
     }
 
-    /// Whether UTC was right throughout: at every check the clock was synchronised well enough, and it was never set.
-    pub fn is_synchronised(&self) -> bool {
-        self.steps.is_empty() && self.locked == self.checks && self.worst_rms_s <= GOOD_RMS_S
+    /// Whether UTC was right up to a common time (seconds since 1970): at every check the clock was synchronised well
+    /// enough, it was never set, no check is damaged, and the checks do not end long before.
+    pub fn is_synchronised(&self, until_s: f64) -> bool {
+        let is_good = self.locked == self.checks && self.worst_rms_s <= GOOD_RMS_S;
+        is_good && self.steps.is_empty() && self.damaged == 0 && self.unchecked_s(until_s) == 0.0
+    }
+
+    /// For how long the recording continues after its last check up to a common time, seconds; 0 if that is no longer
+    /// than usual.
+    pub fn unchecked_s(&self, until_s: f64) -> f64 {
+        let interval_s = self.last_s / self.checks as f64;
+        let usual_s = (UNCHECKED_INTERVALS * interval_s).max(UNCHECKED_S);
+        let unchecked_s = until_s - self.common_s(self.last_s);
+        if unchecked_s > usual_s { unchecked_s } else { 0.0 }
     }
 
     /// Converts a time of the monotonic clock to the common time, seconds since 1970.

@@ -62,6 +62,8 @@ pub struct SensorClock {
     pub records: usize,
     /// Number of damaged rows of arrival times.
     pub damaged_arrivals: usize,
+    /// Arrival of the last record with a known arrival time, common time, seconds.
+    pub last_arrival_s: f64,
     /// Duration of the log after the last record with a known arrival time, seconds of the sensor's clock; it is long
     /// only after a crash.
     pub beyond_arrivals_s: f64,
@@ -147,6 +149,7 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
         longest_gap_s,
         records: pairs.len(),
         damaged_arrivals: arrivals.damaged,
+        last_arrival_s: last.1,
         beyond_arrivals_s: last_sensor_s - last.0,
     };
     // If the sensor sends seconds of the day, they count from the midnight before the arrival.
@@ -159,7 +162,8 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
         .iter()
         .map(|(sensor_s, arrival_s)| arrival_s - sensor_s - days_s);
     let least_s = delays.fold(f64::INFINITY, f64::min);
-    let line = if recording.is_synchronised() && (-EARLY_S..SAME_CLOCK_S).contains(&least_s) {
+    let is_utc = recording.is_synchronised(clock.last_arrival_s);
+    let line = if is_utc && (-EARLY_S..SAME_CLOCK_S).contains(&least_s) {
         clock.is_synchronised = true;
         Line {
             offset: days_s,

@@ -127,6 +127,7 @@ pub(super) fn station(log: &Input) -> Result<Option<Station>> {
             longest_gap_s: 0.0,
             records: timed.len(),
             damaged_arrivals: 0,
+            last_arrival_s: rows.last().map_or(f64::NEG_INFINITY, arrival_s),
             beyond_arrivals_s: 0.0,
         },
     }))

@@ -78,6 +78,34 @@ fn sensor_times_in_utc_are_not_kept_if_the_system_clock_is_not_synchronised() {
 }
 
 #[test]
+fn sensor_times_in_utc_are_not_kept_if_checks_of_the_system_clock_are_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = recording(folder.path(), |s| BEGIN_S + s, &clock_rows(SYNCHRONISED));
+    let clock_log = log.with_file_name(CLOCK_LOG);
+    let is_synchronised = || sensor_clock(&log).unwrap().unwrap().is_synchronised;
+    let is_synchronised_with = |row: &str| {
+        change(&clock_log, |lines| lines[100] = row.into());
+        is_synchronised()
+    };
+    let row = format!("{},99,{SYNCHRONISED}", BEGIN_S + 99.0);
+    assert!(is_synchronised_with(&row));
+    for damage in ["x", "\0\0", &format!("{row}x"), &row.replace(",99,", ",9900,")] {
+        assert!(!is_synchronised_with(damage), "{damage:?}");
+        let recording = RecordingClock::read(&clock_log).unwrap();
+        assert!(recording.damaged > 0, "{damage:?}");
+    }
+    assert!(is_synchronised_with(&row));
+    // A kill costs the last checks.
+    change(&clock_log, |lines| lines.truncate(195));
+    assert!(is_synchronised());
+    change(&clock_log, |lines| lines.truncate(11));
+    assert!(!is_synchronised());
+    let recording = RecordingClock::read(&clock_log).unwrap();
+    let unchecked_s = recording.unchecked_s(BEGIN_S + 200.0);
+    assert!((unchecked_s - 191.0).abs() < 1e-6, "{unchecked_s}");
+}
+
+#[test]
 fn seconds_of_the_day_get_the_date_of_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let midnight_s = 86_400.0 * (BEGIN_S / 86_400.0).floor();
@@ -97,7 +125,7 @@ fn setting_the_system_clock_shifts_no_sensor_time() {
     let log = recording(folder.path(), |s| 5.0 + s, &rows);
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG)).unwrap();
     assert_eq!(recording.steps, [(0.5, 100.0)]);
-    assert!(!recording.is_synchronised());
+    assert!(!recording.is_synchronised(BEGIN_S));
     let fixes = crate::format::read_heading(&log).unwrap();
     let steps = fixes.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
     assert!(steps.map(|s| (s - 0.2).abs()).fold(0.0, f64::max) < 1e-5);
