@@ -143,7 +143,10 @@ impl<'a> Feed<'a> {
     }
 
     /// The names of the sensors whose times in a stream of lines started again, each with a sentence on it.
-    pub fn remarks<'b>(&'b self, times: &'b StreamTimes) -> impl Iterator<Item = (&'b str, String)> {
+    pub fn remarks<'b>(
+        &'b self,
+        times: &'b StreamTimes,
+    ) -> impl Iterator<Item = (&'b str, String)> {
         let names = self.logs.settings.positions.iter();
         let names = names.map(|sensor| sensor.name.as_str());
         let all = [("imu", &times.imu), ("heading", &times.heading)];

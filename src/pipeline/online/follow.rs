@@ -19,7 +19,10 @@ impl Remarks {
     fn warn(&mut self, name: &str, rows: &Input, progress: &dyn Progress) {
         for remark in rows.remarks() {
             let text = format!("{name}: {remark}");
-            if self.0.insert(text.replace(|c: char| c.is_ascii_digit(), "")) {
+            if self
+                .0
+                .insert(text.replace(|c: char| c.is_ascii_digit(), ""))
+            {
                 progress.warn(&text);
             }
         }

@@ -70,7 +70,9 @@ pub fn online(
         }
         Source::Lines(lines) => {
             session = Session::new(&feed.settings(), project.origin_m, Some(rows))?;
-            stdin::read(feed, lines, progress, |record| session.add(record, progress))?;
+            stdin::read(feed, lines, progress, |record| {
+                session.add(record, progress)
+            })?;
         }
     }
     session.finish(project, options, job, live, progress)

@@ -140,8 +140,7 @@ fn arrivals_ms(played: &Path, recorded: &Path, log: &str, speed: f64) -> [f64; 2
     let ends = |folder: &Path| -> Vec<(usize, f64)> {
         let mut end = 0;
         let pieces = format::Pieces::open(&folder.join(log)).unwrap();
-        let ends = pieces.map(|piece| {
-            let (bytes, at_s) = piece.unwrap();
+        let ends = pieces.map(|(bytes, at_s)| {
             end += bytes;
             (end, at_s)
         });

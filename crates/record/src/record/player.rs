@@ -1,7 +1,7 @@
 //! Plays a recording: servers send the recorded bytes at the times at which they arrived.
 
 use std::fs::File;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -87,7 +87,7 @@ impl Player {
                 }
             };
             let pieces = Pieces::open(&log)?;
-            span_s = span_s.max(pieces.last_s()? + lead_s);
+            span_s = span_s.max(pieces.last_s() + lead_s);
             let sender = Sender {
                 log,
                 link,
@@ -197,15 +197,10 @@ impl Sender {
         let failed = |error| Error::io(&self.log, error);
         let mut file = File::open(&self.log).map_err(failed)?;
         let mut bytes = Vec::new();
-        for (number, piece) in pieces.enumerate() {
-            let (length, arrived_s) = piece?;
-            bytes.resize(length, 0);
-            match file.read_exact(&mut bytes) {
-                Ok(()) => {}
-                // The log was cut off by a crash.
-                Err(error) if error.kind() == ErrorKind::UnexpectedEof => break,
-                Err(error) => return Err(failed(error)),
-            }
+        for (number, (length, arrived_s)) in pieces.enumerate() {
+            bytes.clear();
+            let mut piece = (&mut file).take(length as u64);
+            piece.read_to_end(&mut bytes).map_err(failed)?;
             loop {
                 let left_s = arrived_s + self.lead_s - self.clock.now().monotonic_s();
                 if self.stop.load(Ordering::Relaxed) {

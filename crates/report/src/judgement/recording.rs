@@ -19,7 +19,10 @@ pub fn verdicts(system: &RecordingClock, sensors: &[(&str, SensorClock)]) -> Vec
     let until_s = arrivals.fold(f64::NEG_INFINITY, f64::max);
     let sensors = sensors.iter();
     let on_sensors = sensors.flat_map(|(name, clock)| sensor_verdicts(name, clock));
-    system_clock(system, until_s).into_iter().chain(on_sensors).collect()
+    system_clock(system, until_s)
+        .into_iter()
+        .chain(on_sensors)
+        .collect()
 }
 
 /// The verdict on the system clock of a recording that ends at a common time, seconds.
@@ -53,7 +56,10 @@ fn system_clock(clock: &RecordingClock, until_s: f64) -> Option<Verdict> {
         }
         _ if clock.damaged > 0 => format!("damaged checks: {}", clock.damaged),
         _ if clock.unchecked_s(until_s) > 0.0 => {
-            format!("its checks end {:.0} s before the recording", clock.unchecked_s(until_s))
+            format!(
+                "its checks end {:.0} s before the recording",
+                clock.unchecked_s(until_s)
+            )
         }
         _ => format!("it was off by {:.1} ms", 1e3 * clock.worst_rms_s),
     };

@@ -1,12 +1,13 @@
 //! Arrival times: `NAME.stamps.csv`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::clock::RecordingClock;
 use super::{GAP_INTERVALS, GAP_S, stamps_of};
-use crate::error::{Error, Location, Result};
+use crate::error::{Error, Result};
 use crate::format::input::Input;
 use crate::format::text::table::{Columns, Table};
+use crate::sensor::longest_increasing;
 use crate::statistics::median;
 
 const COLUMNS: Columns<'_> = Columns {
@@ -24,56 +25,76 @@ struct Row {
     before: u64,
     /// Seconds of the monotonic clock.
     monotonic_s: f64,
-    /// Whether no damaged row lies between this row and the one before.
+    /// Whether no row is missing between this row and the one before.
     follows: bool,
 }
 
-impl Row {
-    /// Whether this row can follow the row `last`: neither position nor time goes back, and the piece is not too large.
-    fn fits(&self, last: &Self) -> bool {
-        let places = last.before..=last.before.saturating_add(LARGEST_PIECE);
-        self.follows && last.monotonic_s <= self.monotonic_s && places.contains(&self.before)
-    }
-}
-
-/// The rows of a file in order. Damaged rows are skipped, as is a last row that a crash cut off.
-#[derive(Debug)]
+/// The rows of a file that fit each other, in order.
 struct Rows {
-    table: Table,
-    /// Damaged rows so far.
+    rows: Vec<Row>,
+    /// Number of rows left out because they are damaged, and of places where rows are missing.
     damaged: usize,
 }
 
 impl Rows {
-    fn open(path: &Path) -> Result<Self> {
-        Ok(Self {
-            table: Table::open(&Input::from(path), &COLUMNS)?,
-            damaged: 0,
-        })
-    }
-
-    fn next(&mut self) -> Result<Option<Row>> {
-        let mut follows = true;
+    /// Reads a file without a last row that a crash cut off. Rows that cannot be read are left out, and so are the fewest
+    /// rows whose places or times contradict others: in a log, neither goes back.
+    fn read(path: &Path) -> Result<Self> {
+        let mut table = Table::open(&Input::from(path), &COLUMNS)?;
+        let (mut rows, mut damaged, mut follows) = (Vec::new(), 0, true);
         loop {
             let mut cells = [0.0; 2];
-            match self.table.next_row(&mut cells) {
-                Ok(false) => return Ok(None),
+            match table.next_row(&mut cells) {
+                Ok(false) => break,
                 Ok(true) => {
                     let [before, monotonic_s] = cells;
-                    return Ok(Some(Row {
+                    rows.push(Row {
                         before: before as u64,
                         monotonic_s,
                         follows,
-                    }));
+                    });
+                    follows = true;
                 }
                 Err(Error::Format { .. }) => {
-                    self.damaged += 1;
+                    damaged += 1;
                     follows = false;
                 }
                 Err(error) => return Err(error),
             }
         }
+        let all = rows.len();
+        let rows = increasing(&rows, |_, row| row.before as f64);
+        // Equal times are in order.
+        let mut rows = increasing(&rows, |i, row| row.monotonic_s + 1e-9 * i as f64);
+        damaged += all - rows.len();
+        let mut last = 0;
+        for row in &mut rows {
+            if row.follows && row.before > last + LARGEST_PIECE {
+                row.follows = false;
+                damaged += 1;
+            }
+            last = row.before;
+        }
+        Ok(Self { rows, damaged })
     }
+}
+
+/// As many rows as possible whose values increase. A row after one that is left out does not follow.
+fn increasing(rows: &[Row], value: impl Fn(usize, &Row) -> f64) -> Vec<Row> {
+    let values: Vec<f64> = rows
+        .iter()
+        .enumerate()
+        .map(|(i, row)| value(i, row))
+        .collect();
+    let mut next = 0;
+    let kept = longest_increasing(&values).into_iter().map(|index| {
+        let skipped = std::mem::replace(&mut next, index + 1)..index;
+        Row {
+            follows: skipped.is_empty() && rows[index].follows,
+            ..rows[index]
+        }
+    });
+    kept.collect()
 }
 
 /// A piece of a log.
@@ -96,18 +117,14 @@ pub(super) struct Arrivals {
 impl Arrivals {
     /// Reads all rows of a file.
     pub(super) fn read(path: &Path, clock: &RecordingClock) -> Result<Self> {
-        let mut reader = Rows::open(path)?;
-        let mut rows = Vec::new();
-        while let Some(row) = reader.next()? {
-            rows.push(row);
-        }
-        let fits: Vec<bool> = rows.windows(2).map(|pair| pair[1].fits(&pair[0])).collect();
-        let pairs = rows.iter().skip(1).zip(&fits);
-        let damaged = reader.damaged + pairs.filter(|(row, fits)| row.follows && !**fits).count();
+        let Rows { rows, damaged } = Rows::read(path)?;
+        let follows: Vec<bool> = rows.iter().skip(1).map(|row| row.follows).collect();
         let pieces = rows.iter().enumerate().map(|(i, row)| {
-            // If two rows contradict each other, either may be wrong, so neither is used as a bound of a piece.
-            let near = &fits[i.saturating_sub(1)..fits.len().min(i + 2)];
-            let next = rows.get(i + 1).filter(|_| near.iter().all(|fits| *fits));
+            // If two rows contradict each other, either may be wrong, so none near them is a bound of a piece.
+            let near = &follows[i.saturating_sub(1)..follows.len().min(i + 2)];
+            let next = rows
+                .get(i + 1)
+                .filter(|_| near.iter().all(|follows| *follows));
             Piece {
                 before: row.before,
                 end: next.map(|next| next.before),
@@ -142,18 +159,15 @@ impl Arrivals {
 }
 
 /// The pieces of a log in order: the number of bytes of each, and its arrival time, seconds of the monotonic clock. The
-/// piece of a damaged row is joined to the piece before. The last piece ends with the log, or at the largest size of a
-/// piece.
+/// piece of a damaged row is joined to the piece before, and cut at the largest size of a piece. The last piece ends
+/// with the log, or at the largest size.
 pub struct Pieces {
-    path: PathBuf,
-    rows: Rows,
-    next: Option<Row>,
-    /// Size of the log.
-    bytes: u64,
+    pieces: std::vec::IntoIter<(usize, f64)>,
+    last_s: f64,
 }
 
 impl Pieces {
-    /// Opens the arrival times of a log.
+    /// Reads the arrival times of a log.
     ///
     /// # Errors
     /// The log or its arrival times cannot be read.
@@ -161,63 +175,36 @@ impl Pieces {
         let bytes = std::fs::metadata(log)
             .map_err(|error| Error::io(log, error))?
             .len();
-        let path = stamps_of(log);
-        let mut rows = Rows::open(&path)?;
-        let next = rows.next()?;
+        let Rows { rows, .. } = Rows::read(&stamps_of(log))?;
+        let mut pieces = Vec::with_capacity(rows.len());
+        let mut sent = 0;
+        for (i, row) in rows.iter().enumerate() {
+            // After a crash, the rest of the log has no arrival time.
+            let rest = row.before.saturating_add(LARGEST_PIECE);
+            let end = rows.get(i + 1).map_or(rest, |next| next.before).min(bytes);
+            while sent < end {
+                let length = (end - sent).min(LARGEST_PIECE);
+                pieces.push((length as usize, row.monotonic_s));
+                sent += length;
+            }
+        }
+        let last_s = pieces.last().map_or(0.0, |(_, at_s)| *at_s);
         Ok(Self {
-            path,
-            rows,
-            next,
-            bytes,
+            pieces: pieces.into_iter(),
+            last_s,
         })
     }
 
     /// Arrival time of the last piece, seconds of the monotonic clock.
-    ///
-    /// # Errors
-    /// Those of [`Self::open`].
-    pub fn last_s(&self) -> Result<f64> {
-        let mut rows = Rows::open(&self.path)?;
-        let mut last_s = 0.0;
-        while let Some(row) = rows.next()? {
-            last_s = row.monotonic_s;
-        }
-        Ok(last_s)
-    }
-
-    /// The piece that begins at a row.
-    fn piece(&mut self, row: Row) -> Result<(usize, f64)> {
-        let Row {
-            before,
-            monotonic_s,
-            ..
-        } = row;
-        self.next = self.rows.next()?;
-        let end = match self.next {
-            Some(next) => next.before,
-            // The rest of the log has no arrival time.
-            None => self
-                .bytes
-                .clamp(before, before.saturating_add(LARGEST_PIECE)),
-        };
-        let length = end.checked_sub(before);
-        match length.filter(|length| *length <= LARGEST_PIECE) {
-            Some(length) => Ok((length as usize, monotonic_s)),
-            None => Err(Error::format(
-                &self.path,
-                Location::Whole,
-                format!("a piece from byte {before} to byte {end}"),
-                format!("pieces of at most {LARGEST_PIECE} bytes, one after the other"),
-            )),
-        }
+    pub fn last_s(&self) -> f64 {
+        self.last_s
     }
 }
 
 impl Iterator for Pieces {
-    type Item = Result<(usize, f64)>;
+    type Item = (usize, f64);
 
     fn next(&mut self) -> Option<Self::Item> {
-        let row = self.next.take()?;
-        Some(self.piece(row))
+        self.pieces.next()
     }
 }

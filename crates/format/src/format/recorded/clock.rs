@@ -138,7 +138,11 @@ impl RecordingClock {
         let interval_s = self.last_s / self.checks as f64;
         let usual_s = (UNCHECKED_INTERVALS * interval_s).max(UNCHECKED_S);
         let unchecked_s = until_s - self.common_s(self.last_s);
-        if unchecked_s > usual_s { unchecked_s } else { 0.0 }
+        if unchecked_s > usual_s {
+            unchecked_s
+        } else {
+            0.0
+        }
     }
 
     /// Converts a time of the monotonic clock to the common time, seconds since 1970.

@@ -89,7 +89,12 @@ fn sensor_times_in_utc_are_not_kept_if_checks_of_the_system_clock_are_missing() 
     };
     let row = format!("{},99,{SYNCHRONISED}", BEGIN_S + 99.0);
     assert!(is_synchronised_with(&row));
-    for damage in ["x", "\0\0", &format!("{row}x"), &row.replace(",99,", ",9900,")] {
+    for damage in [
+        "x",
+        "\0\0",
+        &format!("{row}x"),
+        &row.replace(",99,", ",9900,"),
+    ] {
         assert!(!is_synchronised_with(damage), "{damage:?}");
         let recording = RecordingClock::read(&clock_log).unwrap();
         assert!(recording.damaged > 0, "{damage:?}");
@@ -245,24 +250,38 @@ fn missing_arrival_times_are_counted() {
 fn pieces_with_damaged_arrival_times_keep_their_places_and_the_largest_size() {
     let folder = tempfile::tempdir().unwrap();
     let log = recording(folder.path(), |s| 5.0 + s, &clock_rows(SYNCHRONISED));
-    let pieces = || -> Result<Vec<(usize, f64)>> { Pieces::open(&log)?.collect() };
-    let whole = pieces().unwrap();
+    let pieces = || -> Vec<(usize, f64)> { Pieces::open(&log).unwrap().collect() };
+    let whole = pieces();
     change(&stamps_of(&log), |lines| lines[500] = "x".into());
-    let damaged = pieces().unwrap();
+    let damaged = pieces();
     assert_eq!(damaged.len(), whole.len() - 1);
     assert_eq!(damaged[498].0, whole[498].0 + whole[499].0);
     assert_eq!(damaged[499..], whole[500..]);
     let bytes = |pieces: &[(usize, f64)]| pieces.iter().map(|piece| piece.0).sum::<usize>();
     assert_eq!(bytes(&damaged), bytes(&whole));
-    change(&stamps_of(&log), |lines| {
-        lines[700] = "999999999,141,0".into()
-    });
-    let error = pieces().unwrap_err().to_string();
-    assert!(error.contains("to byte 999999999"), "{error}");
+    // Rows that contradict the others, one of them the first and one the last.
+    for (line, row) in [
+        (1, "70,9999,0"),
+        (700, "999999999,141,0"),
+        (800, "PLACE,9999,0"),
+        (1001, "2,17.5,0"),
+    ] {
+        let text = fs::read_to_string(stamps_of(&log)).unwrap();
+        change(&stamps_of(&log), |lines| {
+            let place = lines[line].split(',').next().unwrap_or_default();
+            lines[line] = row.replace("PLACE", place);
+        });
+        let damaged = pieces();
+        assert_eq!(bytes(&damaged), bytes(&whole), "{row}");
+        assert!(damaged.is_sorted_by(|a, b| a.1 <= b.1), "{row}");
+        let last_s = Pieces::open(&log).unwrap().last_s();
+        assert!((200.0..202.0).contains(&last_s), "{row}: {last_s}");
+        fs::write(stamps_of(&log), text).unwrap();
+    }
     // A log that continues after its last arrival time.
     change(&stamps_of(&log), |lines| lines.truncate(3));
     fs::write(&log, vec![b'1'; 5 << 20]).unwrap();
-    assert!(pieces().unwrap().iter().all(|piece| piece.0 <= 1 << 20));
+    assert!(pieces().iter().all(|piece| piece.0 <= 1 << 20));
 }
 
 #[test]
