@@ -3,13 +3,13 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{BufReader, ErrorKind, Read, Write};
+use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Location, Result};
 use crate::format::{CloudPoint, CloudShape, CloudSink, ExtraValue, copc_sink};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
@@ -130,7 +130,7 @@ impl Tiling {
             let mut points = 0;
             for (scanner, spool) in scanners {
                 let path = self.path(*place, *scanner);
-                read(&path, shape.dimensions.len(), sink.as_mut())?;
+                read(&path, spool.points, shape.dimensions.len(), sink.as_mut())?;
                 points += spool.points;
                 stage.advance(spool.points)?;
             }
@@ -236,18 +236,25 @@ fn append(path: &Path, bytes: &[u8]) -> Result<()> {
         .map_err(|error| Error::io(path, error))
 }
 
-/// Passes the points of a file to a sink.
-fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> {
+/// Passes the points of a file, of which there must be this many, to a sink.
+fn read(path: &Path, points: u64, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> {
     let failed = |error| Error::io(path, error);
     let mut file = BufReader::with_capacity(PIECE, File::open(path).map_err(failed)?);
     let mut record = vec![0; 8 * (5 + dimensions)];
+    let found = file.get_ref().metadata().map_err(failed)?.len();
+    let expected = points * record.len() as u64;
+    if found != expected {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{found} bytes"),
+            format!("{expected} bytes of {points} points, as they were written"),
+        ));
+    }
     let mut values = vec![0.0; 5 + dimensions];
     let mut extra = Vec::with_capacity(dimensions);
-    loop {
-        match file.read_exact(&mut record) {
-            Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(()),
-            other => other.map_err(failed)?,
-        }
+    for _ in 0..points {
+        file.read_exact(&mut record).map_err(failed)?;
         for (value, bytes) in values.iter_mut().zip(record.as_chunks().0) {
             *value = f64::from_le_bytes(*bytes);
         }
@@ -261,6 +268,7 @@ fn read(path: &Path, dimensions: usize, sink: &mut dyn CloudSink) -> Result<()> 
             values: &extra,
         })?;
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -305,6 +313,31 @@ mod tests {
             assert_eq!(tile.high_m[0], f64::from(first + 9));
         }
         assert!(!folder.path().join("spool").exists());
+    }
+
+    #[test]
+    fn a_spool_that_lost_bytes_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let tiling = Tiling::new(folder.path().join("spool"), 10.0, 1).unwrap();
+        let mut sink = tiling.sink(0);
+        for i in 0..9 {
+            let point = CloudPoint {
+                position: Vec3::new(f64::from(i), 3.0, 1.0),
+                time_s: 1.0,
+                intensity: 7.0,
+                values: &[ExtraValue::Number(0.0)],
+            };
+            sink.push(&point).unwrap();
+        }
+        sink.finish().unwrap();
+        let spool = File::options().write(true).open(tiling.path((0, 0), 0));
+        spool.unwrap().set_len(8 * 48 + 1).unwrap();
+        let error = tiling.write(folder.path(), &shape(), &Silent).unwrap_err();
+        let error = error.to_string();
+        assert!(
+            error.contains("385 bytes") && error.contains("9 points"),
+            "{error}"
+        );
     }
 
     /// Tiles the points of a scanner that moves to and fro over a field of 20 m, with a limit of the waiting bytes;

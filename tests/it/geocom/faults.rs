@@ -230,8 +230,8 @@ fn repeated_distances_count_once() {
 }
 
 /// Asserts that tracking does not start with an instrument that lacks `procedure`, with an error that contains `why`,
-/// and that its modes are unchanged.
-fn assert_does_not_start(procedure: Procedure, why: &[&str]) {
+/// and that its modes are unchanged. Returns the notes.
+fn assert_does_not_start(procedure: Procedure, why: &[&str]) -> Vec<String> {
     let simulated = SimulatedSettings {
         unknown: vec![procedure],
         ..Default::default()
@@ -246,6 +246,11 @@ fn assert_does_not_start(procedure: Procedure, why: &[&str]) {
         assert!(error.contains(why), "{error}");
     }
     assert_eq!(server.simulated().modes(), instrument::USERS);
+    let mut notes = Vec::new();
+    while let Ok(Event::Note(text)) = instrument.next_event() {
+        notes.push(text);
+    }
+    notes
 }
 
 #[test]
@@ -254,13 +259,19 @@ fn a_refused_setting_is_an_error_and_leaves_the_modes() {
         "port: AUS_SetUserLockState (18007)",
         "3081 COM_PROC_UNAVAIL",
     ];
-    assert_does_not_start(Procedure::SetLockState, &why);
+    let notes = assert_does_not_start(Procedure::SetLockState, &why);
+    // The lock cannot be written back either.
+    let is_said = notes
+        .iter()
+        .any(|note| note.contains("may not be as before"));
+    assert!(is_said, "{notes:?}");
 }
 
 #[test]
 fn a_mode_that_cannot_be_restored_is_not_changed() {
     let why = ["BAP_GetPrismType (17009): found no value"];
-    assert_does_not_start(Procedure::GetPrismType, &why);
+    let notes = assert_does_not_start(Procedure::GetPrismType, &why);
+    assert!(notes.is_empty(), "{notes:?}");
 }
 
 fn tracking_continues_after_someone_stopped_it_at_the_instrument() {

@@ -11,7 +11,7 @@ use super::parameters::{Mounting, moved, poses};
 use super::scale::{ScaleProblem, State};
 use super::settings::{CalibrationSettings, Reach};
 use crate::cloud::voxel::occupied;
-use crate::error::Result;
+use crate::error::{Error, Problem, Result};
 use crate::progress::{Progress, Steps};
 use crate::statistics::drawn_sign;
 
@@ -69,7 +69,7 @@ impl Minimum {
     /// that fit as well at this scale. `None` if the coarsest scale has too few points.
     ///
     /// # Errors
-    /// [`Error::Cancelled`](crate::error::Error::Cancelled).
+    /// [`Error::Cancelled`].
     pub(super) fn test(
         input: &Input<'_>,
         solution: &[Mounting],
@@ -80,8 +80,12 @@ impl Minimum {
             return Ok(None);
         };
         let problem = ScaleProblem::new(input, solution, voxel_m, MAX_CENTRES, settings);
-        let Ok(problem) = problem else {
-            return Ok(None);
+        let problem = match problem {
+            Err(Error::Data {
+                kind: Problem::TooFew,
+                ..
+            }) => return Ok(None),
+            problem => problem?,
         };
         let Some(range_m) = problem.range_m() else {
             return Ok(None);

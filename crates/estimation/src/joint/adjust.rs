@@ -71,7 +71,7 @@ pub fn at_rung(
         &input.mountings,
         input.compliance,
         &input.frames(),
-    );
+    )?;
     let scans: Vec<Scans<'_>> = input.drives.iter().map(|d| d.scans.clone()).collect();
     let surface_m = settings.reference.surface_m.unwrap_or(0.0);
     let grid = Grid::across(&profiles(input), surfel_m);

@@ -19,8 +19,9 @@ use super::motion::{GaussMarkov, Motion};
 use super::row::HELD_SIGMA;
 use super::surfel::ScanRow;
 use crate::calibration::Mounting;
+use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, PoseRecord, STANDARD_GRAVITY_M_S2};
+use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, STANDARD_GRAVITY_M_S2};
 use crate::statistics::{self, Series};
 use crate::trajectory::Trajectory;
 
@@ -188,22 +189,22 @@ pub struct Bends {
 }
 
 impl Bends {
-    /// Start values: the known compliance, or no bending; `None` if mountings stay rigid or a drive has no
-    /// trajectory.
+    /// Start values: the known compliance, or no bending; `None` if mountings stay rigid.
+    ///
+    /// # Errors
+    /// A drive has no trajectory.
     pub fn new(
         rung: Rung,
         motions: &[Box<dyn Motion>],
         mountings: &[Mounting],
         known: &[Compliance],
         frames: &[Option<&FrameLog>],
-    ) -> Option<Self> {
+    ) -> Result<Option<Self>> {
         if rung == Rung::Rigid {
-            return None;
+            return Ok(None);
         }
         let records = motions.iter().map(|motion| motion.records(None));
-        let drives: Vec<Trajectory> = records
-            .map(|records: Vec<PoseRecord>| Trajectory::new(records).ok())
-            .collect::<Option<_>>()?;
+        let drives: Vec<Trajectory> = records.map(Trajectory::new).collect::<Result<_>>()?;
         let loads: Vec<Series<LOADS>> = drives.iter().map(loads).collect();
         let prior: Vec<_> = (mountings.iter().enumerate())
             .map(|(scanner, mounting)| {
@@ -232,7 +233,7 @@ impl Bends {
         let knots = motions
             .iter()
             .filter_map(|m| rung.knots(m.as_ref(), mountings));
-        Some(Self {
+        Ok(Some(Self {
             rung,
             mean_load,
             causes: Arc::new(causes.collect()),
@@ -241,7 +242,7 @@ impl Bends {
             prior,
             knots: knots.collect(),
             together: [0.0; 2],
-        })
+        }))
     }
 
     /// ℓ − ℓ̄, u and f at a time of a drive.

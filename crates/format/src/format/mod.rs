@@ -81,5 +81,5 @@ pub use recorded::{
 };
 pub use salvage::{Salvaged, salvage};
 pub use text::civil::{civil_time, day_number, utc};
-pub use text::growing::GrowingTable;
+pub use text::growing::{GrowingTable, has_grown};
 pub use text::whole_lines::WholeLines;

@@ -313,10 +313,10 @@ pub fn crs_wkt(input: impl Into<Input>) -> Result<Option<String>> {
 /// they are metres, and for files of other formats.
 ///
 /// # Errors
-/// A file that is missing or damaged.
+/// A file that is missing, damaged or of an unknown format.
 pub fn unit_m(input: impl Into<Input>) -> Result<Option<Vec3>> {
     let input = &input.into();
-    if !detect(input).is_ok_and(Format::is_las) {
+    if !detect(input)?.is_las() {
         return Ok(None);
     }
     let file = LasFile::reopen(input)?;
@@ -426,6 +426,15 @@ mod tests {
     use super::*;
     use crate::format::write_sbet;
     use crate::geometry::{Rotation, WorldFromBody};
+
+    #[test]
+    fn a_missing_cloud_has_no_unit() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = unit_m(&folder.path().join("a.las"))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("a.las"), "{error}");
+    }
 
     #[test]
     fn geographic_poses_take_the_axes_of_the_body() {

@@ -5,7 +5,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
-use crate::format::{GrowingTable, Input};
+use crate::format::{GrowingTable, Input, has_grown};
 use crate::sensor::{Continued, Timed};
 
 /// The largest number of bytes of a log that are read at a time. For a binary log they include the last seconds before
@@ -148,7 +148,7 @@ impl Window {
         let failed = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(failed)?;
         let length = file.metadata().map_err(failed)?.len();
-        if length == self.read {
+        if !has_grown(&self.path, self.read, length)? {
             return Ok(None);
         }
         let from = self.read.max(length.saturating_sub(WINDOW as u64));

@@ -410,7 +410,8 @@ impl Case {
                 &self.mountings,
                 &[],
                 &self.input().frames(),
-            ),
+            )
+            .unwrap(),
             late_s: vec![0.0; self.mountings.len()],
             shapes: Vec::new(),
             patches: Vec::new(),

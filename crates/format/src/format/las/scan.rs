@@ -1,6 +1,7 @@
 //! LAS and LAZ as scanner recordings: points in the scanner frame with times, or points in the
 //! world with the sensor's pose for each.
 
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use crate::error::{Error, Location, Result};
@@ -15,10 +16,12 @@ use crate::sensor::{Continued, PoseRecord, ScanPoint};
 /// Points in the scanner frame, in the order of the file; decoded on a separate thread, one chunk
 /// ahead.
 pub(crate) struct LasScan {
+    path: PathBuf,
     chunks: Receiver<Result<Vec<ScanPoint>>>,
     points: u64,
     points_read: u64,
     bytes: u64,
+    has_ended: bool,
 }
 
 impl LasScan {
@@ -38,12 +41,15 @@ impl LasScan {
         }
         let bytes = file.bytes_total();
         let (sender, chunks) = sync_channel(1);
+        let path = input.path().to_owned();
         std::thread::spawn(move || decode(&input, &sender));
         Ok(Self {
+            path,
             chunks,
             points,
             points_read: 0,
             bytes,
+            has_ended: false,
         })
     }
 }
@@ -86,12 +92,24 @@ fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
 impl ProfileReader for LasScan {
     fn next_chunk(&mut self, into: &mut Vec<ScanPoint>) -> Result<bool> {
         into.clear();
-        // The thread closes the channel after the last chunk.
-        if let Ok(chunk) = self.chunks.recv() {
-            *into = chunk?;
+        if self.has_ended {
+            return Ok(false);
         }
+        // The last chunk is empty. A channel that is closed before it is no end of the file.
+        *into = self.chunks.recv().map_err(|_| {
+            Error::format(
+                &self.path,
+                Location::Whole,
+                format!(
+                    "content that cannot be decoded after {} points",
+                    self.points_read
+                ),
+                "an undamaged LAS or LAZ file",
+            )
+        })??;
         self.points_read += into.len() as u64;
-        Ok(!into.is_empty())
+        self.has_ended = into.is_empty();
+        Ok(!self.has_ended)
     }
 
     fn bytes_read(&self) -> u64 {
@@ -296,4 +314,44 @@ pub(crate) fn read_poses(input: &Input) -> Result<Vec<PoseRecord>> {
             sigma: None,
         })
         .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decoder_that_breaks_off_is_not_the_end_of_the_file() {
+        let scan = |chunks: Vec<Vec<ScanPoint>>| {
+            let (sender, receiver) = sync_channel(2);
+            for chunk in chunks {
+                sender.send(Ok(chunk)).unwrap();
+            }
+            LasScan {
+                path: "a.laz".into(),
+                chunks: receiver,
+                points: 1,
+                points_read: 0,
+                bytes: 1,
+                has_ended: false,
+            }
+        };
+        let point = ScanPoint {
+            time_s: 1.0,
+            position_m: Vec3::zeros(),
+            intensity: 0.0,
+        };
+        let mut points = Vec::new();
+        let mut whole = scan(vec![vec![point], Vec::new()]);
+        assert!(whole.next_chunk(&mut points).unwrap());
+        assert!(!whole.next_chunk(&mut points).unwrap());
+        assert!(!whole.next_chunk(&mut points).unwrap());
+        let mut broken = scan(vec![vec![point]]);
+        assert!(broken.next_chunk(&mut points).unwrap());
+        let error = broken.next_chunk(&mut points).unwrap_err().to_string();
+        assert!(
+            error.contains("a.laz") && error.contains("after 1 points"),
+            "{error}"
+        );
+    }
 }

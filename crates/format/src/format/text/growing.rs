@@ -13,6 +13,22 @@ const HEADER: u64 = 4096;
 /// Most bytes of a header with its comments; those of the known formats are hundreds of times shorter.
 const MOST_HEADER: usize = 1 << 20;
 
+/// Whether a log of which `read` bytes have been read has grown to `length` bytes.
+///
+/// # Errors
+/// It has become shorter.
+pub fn has_grown(path: &Path, read: u64, length: u64) -> Result<bool> {
+    if length < read {
+        return Err(Error::format(
+            path,
+            Location::Whole,
+            format!("{length} bytes after {read}"),
+            "a log that only grows",
+        ));
+    }
+    Ok(length > read)
+}
+
 /// A text table that grows. Its new rows are put below its header as an excerpt for the reader of its format, so that
 /// tables of all formats can be followed.
 pub struct GrowingTable {
@@ -60,15 +76,7 @@ impl GrowingTable {
         let fail = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(fail)?;
         let length = file.metadata().map_err(fail)?.len();
-        if length < self.read {
-            return Err(Error::format(
-                &self.path,
-                Location::Whole,
-                "a file that has become shorter",
-                "a log that only grows",
-            ));
-        }
-        if length == self.read {
+        if !has_grown(&self.path, self.read, length)? {
             return Ok(None);
         }
         self.lines_before = self.lines_before.map(|lines| lines + self.new_lines);

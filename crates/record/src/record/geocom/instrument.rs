@@ -150,8 +150,12 @@ impl<L: Link, S> Instrument<L, S> {
     pub fn start(&mut self) -> Result<()> {
         self.is_tracking = true;
         let started = self.set_up();
-        if started.is_err() && !self.channel.is_dead {
-            let _ = self.stop();
+        if started.is_err()
+            && !self.channel.is_dead
+            && let Err(error) = self.stop()
+        {
+            let text = format!("the instrument may not be as before: {error}");
+            self.pending.push_back(Event::Note(text));
         }
         started
     }

@@ -96,3 +96,17 @@ fn new_bytes_without_a_heading_are_no_error() {
     let fixes = growing.look(40.0, &silent).unwrap();
     assert!(fixes.is_empty());
 }
+
+#[test]
+fn a_log_that_became_shorter_is_an_error() {
+    for name in ["a.csv", "a.nmea"] {
+        let mut growing = Growing::new(name);
+        let _ = growing.look(1.0, "time_s,heading_deg\n1,90\n");
+        fs::write(growing.folder.path().join(name), "time_s\n").unwrap();
+        let error = growing.look(2.0, "").unwrap_err().to_string();
+        assert!(
+            error.contains(name) && error.contains("only grows"),
+            "{error}"
+        );
+    }
+}
