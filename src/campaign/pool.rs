@@ -17,6 +17,8 @@ use crate::progress::Progress;
 
 /// Interval between checks of a process.
 const POLL: Duration = Duration::from_millis(10);
+/// Number of bytes of the end of a process's output that are kept for the failure.
+const KEPT: usize = 1 << 16;
 /// Time that a process has to clean up after it was asked to stop.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -269,12 +271,16 @@ pub fn keep_failure(item: &Item, failure: &Failure, out: &Path) -> Result<()> {
     )
 }
 
-/// Reads a pipe to its end in a thread of its own.
-fn in_background(pipe: Option<impl Read + Send + 'static>) -> thread::JoinHandle<String> {
+/// Reads a pipe to its end in a thread of its own; returns the last [`KEPT`] bytes.
+fn in_background(mut pipe: Option<impl Read + Send + 'static>) -> thread::JoinHandle<String> {
     thread::spawn(move || {
         let mut bytes = Vec::new();
         // If reading fails, the bytes read so far are used.
-        let _ = pipe.map(|mut pipe| pipe.read_to_end(&mut bytes));
+        while let Some(pipe) = &mut pipe
+            && matches!(pipe.take(KEPT as u64).read_to_end(&mut bytes), Ok(1..))
+        {
+            bytes.drain(..bytes.len().saturating_sub(KEPT));
+        }
         String::from_utf8_lossy(&bytes).into_owned()
     })
 }
@@ -343,5 +349,23 @@ impl Shared<'_> {
             .for_each(|state| *state = State::Running);
         drop(states);
         self.changed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_end_of_an_output_is_kept() {
+        let text = "x".repeat(1 << 20) + "the end";
+        let kept = in_background(Some(std::io::Cursor::new(text)))
+            .join()
+            .unwrap();
+        assert!(
+            kept.len() == KEPT && kept.ends_with("xthe end"),
+            "{}",
+            kept.len()
+        );
     }
 }

@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use crate::project::Logs;
 use crate::sensor::{Continued, Record};
 
-/// Passes remarks of readers on to the user. Remarks that differ in numbers only are the same, so that a log that is read
-/// in many excerpts says each thing once.
+/// Passes remarks of readers on to the user. Remarks that differ in numbers only are the same, so that a log that is
+/// read in many excerpts says each thing once.
 #[derive(Default)]
 struct Remarks(BTreeSet<String>);
 
@@ -31,6 +31,8 @@ impl Remarks {
 
 /// Interval between checks for new rows.
 const POLL: Duration = Duration::from_millis(20);
+/// Number of bytes of a log that are read at a time.
+const PIECE: u64 = 1 << 18;
 
 /// Reads the logs until none of them has grown for `idle`.
 pub(super) fn follow(
@@ -57,49 +59,35 @@ pub(super) fn follow(
             ));
         }
     }
-    let log = |path| (GrowingTable::new(path, u64::MAX), Continued::default());
-    let mut imu = log(&logs.imu.path);
-    let mut heading = heading.map(|path| log(path));
-    let mut positions: Vec<_> = logs.positions.iter().map(|p| log(&p.path)).collect();
+    let log = |sensor, name: &str, path| Log {
+        sensor,
+        name: name.to_owned(),
+        table: GrowingTable::in_pieces(path, PIECE),
+        times: Continued::default(),
+        waiting: Vec::new(),
+    };
+    let mut all = vec![log(Sensor::Imu, "imu", &logs.imu.path)];
+    all.extend(heading.map(|path| log(Sensor::Heading, "heading", path)));
+    for (sensor, position) in logs.positions.iter().enumerate() {
+        let name = &logs.settings.positions[sensor].name;
+        all.push(log(Sensor::Position(sensor), name, &position.path));
+    }
     let mut remarks = Remarks::default();
     let mut grown = Instant::now();
     loop {
-        let mut new = Vec::new();
-        let (table, times) = &mut imu;
-        if let Some(rows) = table.new_rows()? {
-            let samples = feed.imu(&rows, times, log_clock);
-            let samples = samples.map_err(|e| table.locate(e))?;
-            remarks.warn("imu", &rows, progress);
-            new.extend(samples.into_iter().map(Record::Imu));
+        for log in &mut all {
+            log.read(feed, &mut remarks, progress)?;
         }
-        if let Some((table, times)) = &mut heading
-            && let Some(rows) = table.new_rows()?
-        {
-            let fixes = feed.heading(&rows, times, log_clock);
-            let fixes = fixes.map_err(|e| table.locate(e))?;
-            remarks.warn("heading", &rows, progress);
-            new.extend(fixes.into_iter().map(Record::Heading));
-        }
-        for (sensor, (table, times)) in positions.iter_mut().enumerate() {
-            let Some(rows) = table.new_rows()? else {
-                continue;
-            };
-            let read = feed.positions(sensor, &rows, times, log_clock);
-            let read = read.map_err(|e| table.locate(e))?;
-            let name = &logs.settings.positions[sensor].name;
-            remarks.warn(name, &rows, progress);
-            for mut row in read.rejected {
-                row.line = table.line(row.line).unwrap_or(row.line);
-                progress.say(&format!("{name}: rejected {row}"));
-            }
-            let fixes = read.fixes.into_iter();
-            new.extend(fixes.map(|fix| Record::Position(sensor, fix)));
-        }
+        // A log of which more is left to read may still have records up to its last time.
+        let incomplete = all.iter().filter(|log| log.table.has_more());
+        let until_s = incomplete
+            .filter_map(Log::last_s)
+            .fold(f64::INFINITY, f64::min);
+        let mut new: Vec<Record> = all.iter_mut().flat_map(|log| log.take(until_s)).collect();
         if new.is_empty() {
             progress.check()?;
             if grown.elapsed() >= idle {
-                let tables = [&imu].into_iter().chain(&heading).chain(&positions);
-                let tables = tables.map(|(table, _)| table);
+                let tables = all.iter().map(|log| &log.table);
                 for table in tables.filter(|table| table.has_incomplete_line()) {
                     progress.warn(&format!(
                         "{}: the last line has no end and was left out",
@@ -114,5 +102,85 @@ pub(super) fn follow(
         grown = Instant::now();
         Record::sort(&mut new);
         new.into_iter().try_for_each(&mut add)?;
+    }
+}
+
+/// The sensor of a log.
+#[derive(Clone, Copy)]
+enum Sensor {
+    Imu,
+    Heading,
+    Position(usize),
+}
+
+/// A log that is followed.
+struct Log {
+    sensor: Sensor,
+    name: String,
+    table: GrowingTable,
+    times: Continued,
+    /// Records that wait for those of other logs.
+    waiting: Vec<Record>,
+}
+
+impl Log {
+    /// Reads the next records, unless some are waiting.
+    fn read(
+        &mut self,
+        feed: Feed<'_>,
+        remarks: &mut Remarks,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        while self.waiting.is_empty() {
+            let Some(rows) = self.table.new_rows()? else {
+                return Ok(());
+            };
+            let records = self.records(feed, &rows, progress);
+            self.waiting = records.map_err(|error| self.table.locate(error))?;
+            remarks.warn(&self.name, &rows, progress);
+        }
+        Ok(())
+    }
+
+    /// The records in an excerpt of the log.
+    fn records(
+        &mut self,
+        feed: Feed<'_>,
+        rows: &Input,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Record>> {
+        let times = &mut self.times;
+        Ok(match self.sensor {
+            Sensor::Imu => {
+                let samples = feed.imu(rows, times, log_clock)?.into_iter();
+                samples.map(Record::Imu).collect()
+            }
+            Sensor::Heading => {
+                let fixes = feed.heading(rows, times, log_clock)?.into_iter();
+                fixes.map(Record::Heading).collect()
+            }
+            Sensor::Position(sensor) => {
+                let read = feed.positions(sensor, rows, times, log_clock)?;
+                for mut row in read.rejected {
+                    row.line = self.table.line(row.line).unwrap_or(row.line);
+                    progress.say(&format!("{}: rejected {row}", self.name));
+                }
+                let fixes = read.fixes.into_iter();
+                fixes.map(|fix| Record::Position(sensor, fix)).collect()
+            }
+        })
+    }
+
+    /// The last time of the waiting records, seconds; `None` without any.
+    fn last_s(&self) -> Option<f64> {
+        self.waiting.iter().map(Record::time_s).reduce(f64::max)
+    }
+
+    /// Takes the waiting records up to a time.
+    fn take(&mut self, until_s: f64) -> Vec<Record> {
+        let waiting = std::mem::take(&mut self.waiting).into_iter();
+        let (taken, later) = waiting.partition(|record| record.time_s() <= until_s);
+        self.waiting = later;
+        taken
     }
 }

@@ -234,6 +234,12 @@ fn assert_followed_is_the_same(
     assert!(rows.abs_diff(newest.len() + 1) < newest.len() / 3, "{rows}");
     assert!(apart_m(batch, &poses(folder, "followed/trajectory.csv")) < BOUND_M);
     assert!(!folder.join("followed/new-rows.csv").exists());
+    // Whole logs, which are read in pieces, are followed as they are replayed.
+    let output = boresight(folder, "read", &["--online", "--follow", "--idle-s", "0.2"]).output();
+    let answer = text(&output.expect("it runs"), starts);
+    let rows = answer.lines().filter(|line| !line.starts_with('#')).count();
+    assert_eq!(rows, newest.len() + 1);
+    assert!(apart_m(batch, &poses(folder, "read/trajectory.csv")) < BOUND_M);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::guarded;
+use crate::format::memory::Budget;
 
 const GZIP: &[u8] = &[0x1f, 0x8b];
 /// The first bytes of a frame of Zstandard.
@@ -13,7 +14,7 @@ pub(super) const ZSTANDARD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Extensions of compressed files; that of rosbag2 is the last one.
 const EXTENSIONS: [&str; 3] = ["gz", "zst", "zstd"];
 /// A compressed file unpacks to at most this many times its size, plus `ALWAYS_BYTES`: text of numbers unpacks to ten
-/// times its size, and one that claims more was made to keep the reader busy.
+/// times its size, and one that claims more was made to keep the reader busy. It must also fit in memory.
 const MOST_EXPANDED: u64 = 250;
 const ALWAYS_BYTES: u64 = 8 << 20;
 
@@ -26,9 +27,7 @@ pub(super) fn unpack(path: &Path, file: &mut File, size: u64) -> Result<Option<V
     let io = |e| Error::io(path, e);
     file.take(4).read_to_end(&mut start).map_err(io)?;
     file.rewind().map_err(io)?;
-    let most = size
-        .saturating_mul(MOST_EXPANDED)
-        .saturating_add(ALWAYS_BYTES);
+    let most = most_bytes(size, Budget::new(None));
     if start.starts_with(GZIP) {
         let decoder = flate2::read::MultiGzDecoder::new(BufReader::new(file));
         return read(path, decoder, most, "gzip").map(Some);
@@ -43,6 +42,12 @@ pub(super) fn unpack(path: &Path, file: &mut File, size: u64) -> Result<Option<V
     Ok(None)
 }
 
+/// The largest number of bytes to which a file of `size` bytes may unpack.
+fn most_bytes(size: u64, memory: Budget) -> u64 {
+    let most = size.saturating_mul(MOST_EXPANDED);
+    most.saturating_add(ALWAYS_BYTES).min(memory.bytes)
+}
+
 fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Vec<u8>> {
     let mut content = Vec::new();
     decoder
@@ -54,7 +59,7 @@ fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Vec<u8
             path,
             Location::Whole,
             format!("{name} data that unpack to more than {most} bytes"),
-            "a file that unpacks to at most 250 times its size and 8 MiB",
+            "a file that unpacks to at most 250 times its size and 8 MiB, and to half of the free memory",
         ));
     }
     Ok(content)
@@ -86,7 +91,15 @@ pub(super) fn without_extension(path: &Path) -> PathBuf {
 mod tests {
     use std::io::Write;
 
+    use super::*;
     use crate::format::{detect, read_cloud};
+
+    #[test]
+    fn files_unpack_to_no_more_than_the_memory() {
+        let memory = |bytes| Budget::new(Some(bytes));
+        assert_eq!(most_bytes(1000, memory(1 << 40)), (8 << 20) + 250_000);
+        assert_eq!(most_bytes(1 << 40, memory(1 << 30)), 1 << 30);
+    }
 
     #[test]
     fn compressed_text_is_read() {

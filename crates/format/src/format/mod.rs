@@ -21,6 +21,7 @@ mod kinds;
 mod las;
 mod left_out;
 mod log;
+pub(crate) mod memory;
 mod mountings;
 #[cfg(test)]
 mod mutation;

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::memory::Budget;
 use super::plane::Rectangle;
 use super::source::CloudSource;
 use super::stage::stage;
@@ -13,6 +12,7 @@ use crate::comparison::{
     OpenSettings, StreamedCloud, core_indices, core_points, reach_m,
 };
 use crate::error::Result;
+use crate::format::memory::Budget;
 use crate::format::{self, CorePoints};
 use crate::geometry::Vec3;
 use crate::output::Staging;

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::memory::Budget;
 use super::rows::{FeatureRow, RowStore, SortedRows};
 use super::source::CloudSource;
 use super::stage::stage;
@@ -12,6 +11,7 @@ use super::surroundings::surroundings;
 use crate::cloud::shape::Feature;
 use crate::cloud::{NeighbourIndex, Neighbourhood};
 use crate::error::Result;
+use crate::format::memory::Budget;
 use crate::format::{ExtraDimension, ExtraKind};
 use crate::output::Staging;
 use crate::progress::Progress;

@@ -5,7 +5,6 @@
 
 mod compare;
 mod features;
-mod memory;
 mod plane;
 mod records;
 mod rows;
@@ -15,9 +14,9 @@ mod store;
 mod surroundings;
 mod thin;
 
+pub use crate::format::memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use compare::{Compared, Comparison, NormalSource, Orientation, compare};
 pub use features::{FeatureSettings, FeatureSummary, features};
-pub use memory::{free_bytes, limit_memory, peak_memory_bytes};
 pub use plane::{Rectangle, Tiles};
 pub use rows::{FEATURE_COLUMNS, FeatureRow};
 pub use source::CloudSource;

@@ -42,7 +42,7 @@ impl Tail {
     pub(super) fn new(path: &Path) -> Self {
         let is_table = path.extension().is_some_and(|extension| extension == "csv");
         let (log, times) = if is_table {
-            let table = GrowingTable::new(path, WINDOW as u64);
+            let table = GrowingTable::newest(path, WINDOW as u64);
             (Log::Table(table), Continued::default())
         } else {
             (Log::Binary(Window::new(path)), Continued::in_windows())

@@ -33,8 +33,12 @@ pub fn has_grown(path: &Path, read: u64, length: u64) -> Result<bool> {
 /// tables of all formats can be followed.
 pub struct GrowingTable {
     path: PathBuf,
-    /// Largest number of bytes of new rows; if more have arrived, the older ones are skipped.
+    /// Largest number of bytes of new rows that are read at a time.
     most: u64,
+    /// Whether the older rows are skipped if more have arrived.
+    skips: bool,
+    /// Number of bytes when it was last read.
+    length: u64,
     /// Number of bytes read or skipped.
     read: u64,
     lines: WholeLines,
@@ -48,11 +52,23 @@ pub struct GrowingTable {
 }
 
 impl GrowingTable {
-    /// A table that has not been read yet; at most `most` bytes of new rows are read at a time.
-    pub fn new(path: &Path, most: u64) -> Self {
+    /// A table that has not been read yet, of which the newest rows are needed: if more than `most` bytes of new rows
+    /// have arrived, the older ones are skipped.
+    pub fn newest(path: &Path, most: u64) -> Self {
+        Self {
+            skips: true,
+            ..Self::in_pieces(path, most)
+        }
+    }
+
+    /// A table that has not been read yet, of which all rows are needed: of its new rows, about `most` bytes are read
+    /// at a time.
+    pub fn in_pieces(path: &Path, most: u64) -> Self {
         Self {
             path: path.to_owned(),
             most,
+            skips: false,
+            length: 0,
             read: 0,
             lines: WholeLines::default(),
             header: Vec::new(),
@@ -68,10 +84,15 @@ impl GrowingTable {
         &self.path
     }
 
+    /// Whether it has bytes that had arrived at the last call of [`Self::new_rows`], but were left for the next.
+    pub fn has_more(&self) -> bool {
+        self.read < self.length
+    }
+
     /// The header and the rows that were completed since the last call; `None` if there are no new rows.
     ///
     /// # Errors
-    /// The file cannot be read or has become shorter.
+    /// The file cannot be read or has become shorter; a header or a row without an end.
     pub fn new_rows(&mut self) -> Result<Option<Input>> {
         let fail = |error| Error::io(&self.path, error);
         let mut file = File::open(&self.path).map_err(fail)?;
@@ -79,16 +100,20 @@ impl GrowingTable {
         if !has_grown(&self.path, self.read, length)? {
             return Ok(None);
         }
+        self.length = length;
         self.lines_before = self.lines_before.map(|lines| lines + self.new_lines);
         self.new_lines = 0;
         let mut rows = Vec::new();
-        while self.read < length {
+        let is_blank = |rows: &[u8]| rows.iter().all(u8::is_ascii_whitespace);
+        while self.read < length && (self.skips || is_blank(&rows)) {
             let left = length - self.read;
             let mut count = left;
             if left > self.most && self.has_header {
-                rows.clear();
-                self.skip(left - self.most);
                 count = self.most;
+                if self.skips {
+                    rows.clear();
+                    self.skip(left - self.most);
+                }
             } else if left > self.most {
                 count = HEADER;
             }
@@ -110,11 +135,21 @@ impl GrowingTable {
                     "a header and rows",
                 ));
             }
+            let begun = self.lines.begun().len();
+            if self.has_header && !self.skips && begun as u64 > self.most {
+                let line = self.lines_before.map(|lines| lines + self.new_lines + 1);
+                return Err(Error::format(
+                    &self.path,
+                    line.map_or(Location::Whole, Location::Line),
+                    format!("{begun} bytes without a line end"),
+                    "rows of a table",
+                ));
+            }
         }
-        if self.lines.begun().len() as u64 > self.most {
+        if self.skips && self.lines.begun().len() as u64 > self.most {
             self.skip(0);
         }
-        if rows.iter().all(u8::is_ascii_whitespace) {
+        if is_blank(&rows) {
             return Ok(None);
         }
         let text = [self.header.as_slice(), &rows].concat();
@@ -185,12 +220,41 @@ mod tests {
     use super::*;
 
     #[test]
+    fn all_rows_are_read_in_pieces_of_bounded_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let row = |i: u32| format!("{i},{}\n", i % 360);
+        let text: String = (1..=20_000).map(row).collect();
+        fs::write(&path, format!("# a comment\ntime_s,heading_deg\n{text}")).unwrap();
+        let mut table = GrowingTable::in_pieces(&path, 1 << 13);
+        let (mut times_s, mut line) = (Vec::new(), 2);
+        while let Some(rows) = table.new_rows().unwrap() {
+            let fixes = crate::format::read_heading(&rows).unwrap();
+            assert!(fixes.len() <= 1 << 11, "{}", fixes.len());
+            assert_eq!(table.line(3), Some(line + 1));
+            line += fixes.len() as u64;
+            times_s.extend(fixes.iter().map(|fix| fix.time_s));
+            assert_eq!(table.has_more(), times_s.len() < 20_000);
+        }
+        assert!(times_s.into_iter().eq((1..=20_000).map(f64::from)));
+        let endless = "1".repeat(1 << 14);
+        fs::write(&path, format!("time_s,heading_deg\n1,2\n{endless}")).unwrap();
+        let mut table = GrowingTable::in_pieces(&path, 1 << 13);
+        assert!(table.new_rows().unwrap().is_some());
+        let error = table.new_rows().unwrap_err().to_string();
+        assert!(
+            error.contains("line 3") && error.contains("without a line end"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn a_file_without_rows_is_refused_before_it_fills_the_memory() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         for text in ["# ", "# a comment\n"] {
             fs::write(&path, text.repeat(MOST_HEADER)).unwrap();
-            let error = GrowingTable::new(&path, 1 << 16).new_rows().unwrap_err();
+            let error = GrowingTable::newest(&path, 1 << 16).new_rows().unwrap_err();
             assert!(error.to_string().contains("no row of a table"), "{error}");
         }
     }

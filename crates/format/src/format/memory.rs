@@ -11,26 +11,26 @@ const UNKNOWN: u64 = 4 << 30;
 
 /// A memory limit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Budget {
+pub(crate) struct Budget {
     /// Bytes.
-    pub(super) bytes: u64,
+    pub(crate) bytes: u64,
 }
 
 impl Budget {
     /// The given number of bytes, or half of the free memory.
-    pub(super) fn new(bytes: Option<u64>) -> Self {
+    pub(crate) fn new(bytes: Option<u64>) -> Self {
         Self {
             bytes: bytes.unwrap_or_else(|| free_bytes().unwrap_or(UNKNOWN) / 2),
         }
     }
 
     /// Number of points of this size that fit in one piece.
-    pub(super) fn points(&self, bytes_a_point: u64) -> u64 {
+    pub(crate) fn points(&self, bytes_a_point: u64) -> u64 {
         self.bytes.saturating_sub(BYTES_BEFORE) / bytes_a_point
     }
 
     /// Number of points of this size in a tile.
-    pub(super) fn tile_points(&self, bytes_a_point: u64) -> usize {
+    pub(crate) fn tile_points(&self, bytes_a_point: u64) -> usize {
         self.points(bytes_a_point).clamp(LEAST_TILE, MOST_TILE) as usize
     }
 }
