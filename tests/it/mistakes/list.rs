@@ -207,6 +207,9 @@ pub const MISTAKES: &[Mistake] = &[
             row.swap(4, 6);
         });
     }),
+    mistake("IMU: one gyro not measured", &["imu.held"], |field| {
+        field.rows("imu.csv", |row| row[2] = 0.0);
+    }),
     mistake(
         "IMU 20 times noisier than its datasheet",
         &["imu.noise_scale", "gyro.noise"],
@@ -231,6 +234,14 @@ pub const MISTAKES: &[Mistake] = &[
     mistake("prism in mm", &["east_mm"], |field| {
         field.rows("prism.csv", |row| {
             row[1..4].iter_mut().for_each(|x| *x *= 1000.0)
+        });
+    }),
+    mistake("prism in single precision", &["prism.rounded"], |field| {
+        let zone_m = [363_000.0, 5_600_000.0, 0.0];
+        field.rows("prism.csv", |row| {
+            for (x, origin_m) in row[1..4].iter_mut().zip(zone_m) {
+                *x = f64::from((*x + origin_m) as f32) - origin_m;
+            }
         });
     }),
     mistake(

@@ -3,7 +3,7 @@
 mod list;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::Instant;
 
@@ -83,15 +83,21 @@ impl Clean {
         }
     }
 
-    /// Runs the drive with these mistakes.
-    fn with(&self, mistakes: &[&Mistake]) -> Ended {
-        let temp = tempfile::tempdir().unwrap();
-        write_files(&self.files, temp.path());
+    /// The drive with these mistakes, in a folder.
+    fn field(&self, folder: &Path, mistakes: &[&Mistake]) -> Field {
+        write_files(&self.files, folder);
         let field = Field {
-            folder: temp.path().join("drive-1"),
+            folder: folder.join("drive-1"),
             truth: self.truth.clone(),
         };
         mistakes.iter().for_each(|mistake| (mistake.make)(&field));
+        field
+    }
+
+    /// Runs the drive with these mistakes.
+    fn with(&self, mistakes: &[&Mistake]) -> Ended {
+        let temp = tempfile::tempdir().unwrap();
+        let field = self.field(temp.path(), mistakes);
         let names: Vec<&str> = mistakes.iter().map(|mistake| mistake.name).collect();
         Ended::of(&names.join(" & "), &field)
     }
@@ -120,6 +126,24 @@ fn a_mistake_of_each_stage_is_named() {
     for (mistake, ended) in all.collect::<Vec<_>>() {
         println!("{}", ended.line);
         assert!(ended.is_safe() && ended.names(mistake), "{}", ended.line);
+    }
+}
+
+#[test]
+fn what_was_not_measured_is_decided_before_the_work() {
+    for name in ["IMU: one gyro not measured", "prism in single precision"] {
+        let temp = tempfile::tempdir().unwrap();
+        let mistake = by_name(name);
+        let findings = SHORT.field(temp.path(), &[mistake]).run().unwrap();
+        let codes: Vec<&str> = findings.verdicts.iter().map(|v| v.code.as_str()).collect();
+        assert!(codes.contains(&mistake.names[0]), "{name}: {codes:?}");
+        let stages: Vec<&str> = findings.stages.iter().map(|s| s.name.as_str()).collect();
+        let is_done = |stage| stages.contains(&stage);
+        assert!(
+            is_done("calibrate") && !is_done("adjust jointly"),
+            "{name}: {stages:?}"
+        );
+        assert!(findings.drives[0].doubts.is_empty(), "{name}");
     }
 }
 
