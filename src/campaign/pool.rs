@@ -301,8 +301,8 @@ impl Shared<'_> {
         self.states.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the next item of which all needed items are finished, or one of which a needed item failed; returns it
-    /// with that failed item. Waits while the needed items of others are running; `None` when no items are left.
+    /// Takes the next item that is ready, or one that cannot run because an item it needs failed; returns it with that
+    /// failed item. Waits while the needed items of others are running; `None` when no items are left.
     fn next(&self, progress: &dyn Progress) -> Result<Option<(usize, Option<usize>)>> {
         let mut states = self.lock();
         loop {

@@ -84,7 +84,7 @@ const OTHER_FOLDER: &str = "# The log of boresight, in a folder with other files
 /// Begins the lines below it that name what boresight wrote into the folder.
 const WROTE: &str = "# wrote ";
 
-/// What a folder for results holds before a command runs, and whose it is, from the log of the commands before it.
+/// Contents of an output folder before a command runs, and which of it boresight wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Folder {
     /// Names of its files and folders.

@@ -39,7 +39,7 @@ pub(super) struct Ended {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shown {
     pub name: String,
-    /// When it began: a stage that runs again is told from its earlier run by it.
+    /// Start time; distinguishes repeated runs of a stage.
     pub began_s: f64,
     /// Time since it began, seconds.
     pub ran_s: f64,

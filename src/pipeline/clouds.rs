@@ -282,7 +282,7 @@ pub fn stream(
         place.check(&scanner.name)?;
         let sample = CloudSample {
             total: sample.seen(),
-            points: sample.into_kept(),
+            points: sample.into_values(),
         };
         Ok((sample, place))
     });

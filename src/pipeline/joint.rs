@@ -188,7 +188,8 @@ fn beyond_initial_values(
         let is_beyond = squares > chi_square(6.0, INITIAL_Z);
         (is_beyond && Reach::ROUGH.is_exceeded(&from(two_steps))).then(|| {
             format!(
-                "it ends {} and {:.1}° away from the initial value of `{}`, farther than initial values are off",
+                "it ends {} and {:.1}° away from the initial value of `{}`, farther than the stated uncertainty of \
+                 initial values allows",
                 number::length(shift.norm()),
                 turn.norm().to_degrees(),
                 joint.name,

@@ -64,37 +64,37 @@ pub struct ScanFound {
 /// # Errors
 /// The logs cannot be read or are refused.
 pub fn preview(project: &Project, progress: &dyn Progress) -> Result<Preview> {
-    let heard = Heard {
-        warnings: Mutex::default(),
+    let warnings = Warnings {
+        each: Mutex::default(),
         progress,
     };
-    let project = &with_origin(project, &heard);
-    let mut found = Preview {
-        verdicts: stages::preflight(project, &heard)?,
+    let project = &with_origin(project, &warnings);
+    let mut preview = Preview {
+        verdicts: stages::preflight(project, &warnings)?,
         ..Preview::default()
     };
     let others = project.drives.iter().chain(&project.evaluations);
     let others = others.map(|drive| format!("drive {}: inspect its project", drive.name));
-    found.not_seen.extend(others);
+    preview.not_seen.extend(others);
     let is_fault = |verdict: &Verdict| verdict.severity == Severity::Fault;
-    if found.verdicts.iter().any(is_fault) {
+    if preview.verdicts.iter().any(is_fault) {
         let reason = "the scans: the logs have a fault, and the poses would mean nothing";
-        found.not_seen.push(reason.to_owned());
-    } else if let Err(error) = found.poses_and_scans(project, &heard) {
-        found.verdicts.push(judgement::would_end(&error));
+        preview.not_seen.push(reason.to_owned());
+    } else if let Err(error) = preview.poses_and_scans(project, &warnings) {
+        preview.verdicts.push(judgement::would_end(&error));
     }
-    found.warnings = heard.warnings.into_inner().unwrap_or_default();
-    judgement::attention_first(&mut found.verdicts);
-    Ok(found)
+    preview.warnings = warnings.each.into_inner().unwrap_or_default();
+    judgement::attention_first(&mut preview.verdicts);
+    Ok(preview)
 }
 
 impl Preview {
-    fn poses_and_scans(&mut self, project: &Project, heard: &Heard<'_>) -> Result<()> {
+    fn poses_and_scans(&mut self, project: &Project, warnings: &Warnings<'_>) -> Result<()> {
         let Poses {
             trajectory,
             solution,
             ..
-        } = stages::rough_poses(project, heard)?;
+        } = stages::rough_poses(project, warnings)?;
         let (first_s, last_s) = trajectory.span_s();
         self.trajectory = Some(PosesFound {
             poses: trajectory.poses().len(),
@@ -113,25 +113,25 @@ impl Preview {
         if project.scanners.is_empty() {
             return Ok(());
         }
-        self.scans(project, &trajectory, heard)
+        self.scans(project, &trajectory, warnings)
     }
 
     fn scans(
         &mut self,
         project: &Project,
         trajectory: &Trajectory,
-        heard: &Heard<'_>,
+        warnings: &Warnings<'_>,
     ) -> Result<()> {
-        let reference = stages::reference(project, heard)?;
+        let reference = stages::reference(project, warnings)?;
         self.reference_points = reference.len();
-        let rig = start::with_scales(project, &Rig::new(project), trajectory, heard)?;
-        let samples = stages::samples(project, &rig, trajectory, heard)?;
+        let rig = start::with_scales(project, &Rig::new(project), trajectory, warnings)?;
+        let samples = stages::samples(project, &rig, trajectory, warnings)?;
         let named = project.scanners.iter().zip(&samples);
         self.scanners = named
             .map(|(scanner, sample)| scan_found(&scanner.name, sample))
             .collect();
         stages::check_reference(project, &rig, &samples, &reference)?;
-        let start = start::start(project, &rig, trajectory, &samples, &reference, heard);
+        let start = start::start(project, &rig, trajectory, &samples, &reference, warnings);
         let contradicts = start
             .verdicts
             .iter()
@@ -147,12 +147,12 @@ impl Preview {
 }
 
 /// Keeps the warnings of the stages, each once, and shows only how far the stages are.
-struct Heard<'a> {
-    warnings: Mutex<Vec<String>>,
+struct Warnings<'a> {
+    each: Mutex<Vec<String>>,
     progress: &'a dyn Progress,
 }
 
-impl Progress for Heard<'_> {
+impl Progress for Warnings<'_> {
     fn begin(&self, stage: &str, total: u64) {
         self.progress.begin(stage, total);
     }
@@ -168,7 +168,7 @@ impl Progress for Heard<'_> {
     fn say(&self, _message: &str) {}
 
     fn warn(&self, message: &str) {
-        if let Ok(mut warnings) = self.warnings.lock()
+        if let Ok(mut warnings) = self.each.lock()
             && !warnings.iter().any(|other| other == message)
         {
             warnings.push(message.to_owned());

@@ -92,7 +92,7 @@ impl Results<'_> {
         let earlier: Vec<&str> = others.filter(|name| is_there(&name)).collect();
         if !earlier.is_empty() {
             self.progress.warn(&format!(
-                "of an earlier run, and not of this one, are in {folder}: {}",
+                "left in {folder} by an earlier run: {}",
                 earlier.join(", ")
             ));
         }

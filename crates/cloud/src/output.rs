@@ -42,7 +42,7 @@ pub struct Staging {
     lock_path: PathBuf,
     _lock: File,
     inputs: Vec<PathBuf>,
-    kept: Vec<PathBuf>,
+    protected: Vec<PathBuf>,
 }
 
 impl Staging {
@@ -86,13 +86,13 @@ impl Staging {
             lock_path,
             _lock: lock,
             inputs: inputs.to_vec(),
-            kept: Vec::new(),
+            protected: Vec::new(),
         })
     }
 
     /// Makes [`Staging::commit`] refuse what [`refuse_kept`] does.
-    pub fn keep(&mut self, kept: &[PathBuf]) {
-        self.kept = kept.to_vec();
+    pub fn keep(&mut self, protected: &[PathBuf]) {
+        self.protected = protected.to_vec();
     }
 
     /// The path at which to write the future file `name` of the destination; `name` may include
@@ -116,7 +116,7 @@ impl Staging {
         let mut names = Vec::new();
         list_files(&self.folder, Path::new(""), &mut names)?;
         protect_inputs(&self.dir, &self.inputs, &names)?;
-        refuse_kept(&self.dir, &names, &self.kept)?;
+        refuse_kept(&self.dir, &names, &self.protected)?;
         names.sort_by_key(|name| (name == Path::new(LAST), name.clone()));
         let mut outcome = Ok(());
         let mut ready = Vec::new();

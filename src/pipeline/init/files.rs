@@ -241,8 +241,8 @@ impl SortedFiles {
             Role::Cloud if is_log(input.path()) => (
                 &mut self.unknown,
                 "nothing yet: it begins with a time that increases from row to row, as a log does, and its header is \
-                 not known; name the columns of positions time_s, east_m, north_m, up_m, and call init --force. A \
-                 cloud may be named in [reference]",
+                 not known; name the columns of positions time_s, east_m, north_m, up_m, and run `boresight init \
+                 --force`. A cloud may be named in [reference]",
             ),
             Role::Cloud => (
                 &mut self.clouds,

@@ -204,7 +204,8 @@ fn a_log_with_an_unknown_header_is_not_the_reference() {
     let made = init(&drive);
     assert_eq!(made.code, 0, "{}", made.err);
     let advice = "prism.csv: nothing yet: it begins with a time that increases from row to row, as a log does, and its \
-                  header is not known; name the columns of positions time_s, east_m, north_m, up_m, and call init --force.";
+                  header is not known; name the columns of positions time_s, east_m, north_m, up_m, and run \
+                  `boresight init --force`.";
     assert!(made.out.contains(advice), "{}", made.out);
     let text = fs::read_to_string(drive.join("project.toml")).unwrap();
     assert!(!text.contains("[reference]"), "{text}");

@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     #[derive(Debug, PartialEq)]
-    struct Found {
+    struct Neighbours {
         words: Vec<u64>,
         count: usize,
         places: Vec<u32>,
@@ -208,12 +208,12 @@ mod tests {
     const CENTRE: [f64; 4] = [0.1, 0.2, 0.3, 0.0];
 
     #[inline(always)]
-    fn found<L: Lanes>(squared: &[f32], points: &[[f64; 4]]) -> Found {
+    fn neighbours<L: Lanes>(squared: &[f32], points: &[[f64; 4]]) -> Neighbours {
         let words = squared.as_chunks::<WORD>().0.iter();
         let words: Vec<u64> = words.map(|word| L::up_to(word, THRESHOLD)).collect();
         let mut places = Vec::new();
         L::places(&words, &mut places);
-        Found {
+        Neighbours {
             count: L::count(squared, THRESHOLD),
             sums: L::moments(points, &places, &CENTRE),
             words,
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn plain_loops_match_their_definitions() {
         for (squared, points) in cases() {
-            let found = found::<Plain>(&squared, &points);
+            let all = neighbours::<Plain>(&squared, &points);
             let below = (0..).zip(&squared).filter(|(_, s)| **s <= THRESHOLD);
             let places: Vec<u32> = below.map(|(place, _)| place).collect();
             assert!(places.contains(&(squared.len() as u32 / 2)));
@@ -255,10 +255,10 @@ mod tests {
                     }
                 }
             }
-            assert_eq!((found.count, &found.places), (places.len(), &places));
-            assert_eq!(found.words, words);
-            for (found, sum) in found.sums.iter().flatten().zip(sums.iter().flatten()) {
-                assert!((found - sum).abs() < 1e-12, "{found} {sum}");
+            assert_eq!((all.count, &all.places), (places.len(), &places));
+            assert_eq!(all.words, words);
+            for (moment, sum) in all.sums.iter().flatten().zip(sums.iter().flatten()) {
+                assert!((moment - sum).abs() < 1e-12, "{moment} {sum}");
             }
         }
     }
@@ -271,8 +271,8 @@ mod tests {
         use crate::cloud::vectors::Width;
 
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,popcnt")]
-        fn wide(squared: &[f32], points: &[[f64; 4]]) -> Found {
-            found::<Avx512>(squared, points)
+        fn wide(squared: &[f32], points: &[[f64; 4]]) -> Neighbours {
+            neighbours::<Avx512>(squared, points)
         }
 
         let has_avx512 = is_x86_feature_detected!("avx512f")
@@ -289,7 +289,7 @@ mod tests {
             // SAFETY: the machine has AVX-512.
             #[allow(unsafe_code)]
             let wide = unsafe { wide(&squared, &points) };
-            assert_eq!(wide, found::<Plain>(&squared, &points));
+            assert_eq!(wide, neighbours::<Plain>(&squared, &points));
         }
     }
 }

@@ -8,7 +8,7 @@ pub struct EvenSample<T> {
     most: usize,
     bound: u64,
     seen: u64,
-    kept: Vec<(u64, T)>,
+    values: Vec<(u64, T)>,
 }
 
 impl<T> EvenSample<T> {
@@ -18,7 +18,7 @@ impl<T> EvenSample<T> {
             most,
             bound: u64::MAX,
             seen: 0,
-            kept: Vec::new(),
+            values: Vec::new(),
         }
     }
 
@@ -28,10 +28,10 @@ impl<T> EvenSample<T> {
         let hash = self.seen.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         self.seen += 1;
         if hash <= self.bound {
-            self.kept.push((hash, value));
-            if self.kept.len() > self.most {
+            self.values.push((hash, value));
+            if self.values.len() > self.most {
                 self.bound /= 2;
-                self.kept.retain(|(hash, _)| *hash <= self.bound);
+                self.values.retain(|(hash, _)| *hash <= self.bound);
             }
         }
     }
@@ -42,7 +42,7 @@ impl<T> EvenSample<T> {
     }
 
     /// The values kept, in the order of the stream.
-    pub fn into_kept(self) -> Vec<T> {
-        self.kept.into_iter().map(|(_, value)| value).collect()
+    pub fn into_values(self) -> Vec<T> {
+        self.values.into_iter().map(|(_, value)| value).collect()
     }
 }

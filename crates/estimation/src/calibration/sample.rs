@@ -116,7 +116,7 @@ impl ScannerSample {
             let time_s = self.profiles[profile(index) as usize].time_s;
             thinner.add(index, time_s, &world);
         }
-        let mut indices: Vec<u32> = thinner.kept.into_iter().map(|(index, _)| index).collect();
+        let mut indices: Vec<u32> = thinner.points.into_iter().map(|(index, _)| index).collect();
         indices.sort_by_key(|&index| profile(index));
         indices
     }
@@ -133,7 +133,7 @@ struct Thinner<Point> {
     pass_gap_s: f64,
     latest: VoxelMap<VoxelKey, Latest>,
     /// The kept points, each with the number of points in its voxel and pass.
-    kept: Vec<(Point, u32)>,
+    points: Vec<(Point, u32)>,
     seen: u64,
 }
 
@@ -142,7 +142,8 @@ const MOMENT_S: f64 = 0.1;
 
 /// The latest pass of a voxel.
 struct Latest {
-    kept: usize,
+    /// Index of its kept point.
+    point: usize,
     seen_s: f64,
     /// Preference of the moment of the kept point.
     moment: u32,
@@ -156,16 +157,16 @@ impl<Point> Thinner<Point> {
             voxel_m,
             pass_gap_s,
             latest: VoxelMap::default(),
-            kept: Vec::new(),
+            points: Vec::new(),
             seen: 0,
         }
     }
 
     fn add(&mut self, point: Point, time_s: f64, world: &Vec3) {
         let moment = ((time_s / MOMENT_S).floor() as i64).trailing_zeros();
-        let next = self.kept.len();
+        let next = self.points.len();
         let first = Latest {
-            kept: next,
+            point: next,
             seen_s: time_s,
             moment,
             moment_points: 0,
@@ -173,16 +174,16 @@ impl<Point> Thinner<Point> {
         let key = voxel_key(world, self.voxel_m);
         let pass = self.latest.entry(key).or_insert(first);
         if time_s - pass.seen_s > self.pass_gap_s {
-            pass.kept = next;
+            pass.point = next;
         }
         pass.seen_s = time_s;
         self.seen += 1;
-        if pass.kept == next {
+        if pass.point == next {
             (pass.moment, pass.moment_points) = (moment, 1);
-            self.kept.push((point, 1));
+            self.points.push((point, 1));
             return;
         }
-        let (kept, count) = &mut self.kept[pass.kept];
+        let (place, count) = &mut self.points[pass.point];
         *count += 1;
         if moment < pass.moment {
             return;
@@ -193,7 +194,7 @@ impl<Point> Thinner<Point> {
         pass.moment_points += 1;
         // The k-th point of a moment replaces the kept one with probability 1/k (Vitter 1985).
         if drawn(self.seen).is_multiple_of(pass.moment_points) {
-            *kept = point;
+            *place = point;
         }
     }
 }
@@ -234,7 +235,7 @@ impl<'a> Sampler<'a> {
 
     fn finish(self) -> Result<ScannerSample> {
         self.georeferencer.check(&self.mounting.name)?;
-        let mut thinned = self.thinner.kept;
+        let mut thinned = self.thinner.points;
         thinned.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0));
         let mut profiles: Vec<Profile> = Vec::new();
         let mut cursor = self.trajectory.cursor();

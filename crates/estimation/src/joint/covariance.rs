@@ -8,7 +8,7 @@ use super::slow::SlowMotions;
 use super::state::State;
 use crate::adjustment::SelectedInverse;
 
-/// Covariance H⁻¹ of unknowns, of which rows couple, and changes of all unknowns that add to it.
+/// Covariance H⁻¹ of selected unknowns, plus terms from changes of all unknowns.
 pub struct Covariance<'a> {
     pub problem: &'a JointProblem<'a>,
     pub inverse: SelectedInverse,

@@ -29,7 +29,7 @@ fn is_weak(variance: f64) -> bool {
     (WEAK_SHARE..EVEN_SHARE).contains(&variance)
 }
 
-/// What is added to the variance along a direction of which a share of any start is left, relative to that of initial
+/// Variance to add along a direction in which the share `left` of any start remains; 1 is the variance of initial
 /// values.
 fn added(variance: f64, left: f64) -> f64 {
     (left * left).min(1.0 - variance).max(0.0)

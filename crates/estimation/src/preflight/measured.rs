@@ -142,7 +142,7 @@ fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Op
     };
     let name = &position.name;
     let text = format!(
-        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, but its standard deviation is said to be \
+        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, but the stated standard deviation is \
          {:.4} m: what lies between the steps is lost. Write the log anew with all digits.",
         ["east", "north", "up"][axis],
         sigma_m(axis)

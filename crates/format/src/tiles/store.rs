@@ -117,7 +117,7 @@ impl TileStore {
             Ok(())
         })?;
         out.flush().map_err(|e| Error::io(whole, e))?;
-        Ok((sample.seen(), sample.into_kept()))
+        Ok((sample.seen(), sample.into_values()))
     }
 
     /// Sorts the gathered points into the files of the tiles.

@@ -21,7 +21,7 @@ pub fn moved(result: &Calibration, initial: &[BodyFromScanner]) -> Vec<Verdict> 
         let (turn, shift) = &moved;
         Reach::WRONG.is_exceeded(&moved).then(|| {
             let text = format!(
-                "Scanner {} ended {} and {:.0}° from its start: is the start as wrong as that, or is this \
+                "Scanner {} ended {} and {:.0}° from its start: is the start really that far off, or is this \
                  another minimum?",
                 mounting.name,
                 number::length(shift.norm()),
@@ -109,7 +109,7 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
                     CODE,
                     format!(
                         "Another minimum fits as well: {away}, the mountings ended elsewhere ({places}). Nothing says \
-                         which is right, and no standard deviation holds: drive over planes in more directions, \
+                         which is right, and standard deviations are not valid: drive over planes in more directions, \
                          give a reference, or start nearer."
                     ),
                 )
@@ -126,7 +126,7 @@ pub fn uniqueness(result: &Calibration) -> Option<Verdict> {
             CODE,
             format!(
                 "The mountings came back {} times of {} when {away}, and ended where the clouds fit worse \
-                 otherwise: start as near as that.",
+                 otherwise: start at least that close.",
                 minimum.back, minimum.starts
             ),
         ),

@@ -65,26 +65,26 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
         verdicts.extend(logs::on_other(&drive.name, &drive.preflight, &drive.doubts));
     }
     verdicts.extend(trajectories(results));
-    let mut said = once_each(verdicts);
-    attention_first(&mut said);
-    said
+    let mut distinct = once_each(verdicts);
+    attention_first(&mut distinct);
+    distinct
 }
 
 /// The verdicts without those that an earlier one repeats word for word: a contradiction in the logs of a drive can be
 /// found before and in the adjustment.
 fn once_each(verdicts: Vec<Verdict>) -> Vec<Verdict> {
-    let mut said: Vec<Verdict> = Vec::new();
+    let mut distinct: Vec<Verdict> = Vec::new();
     for verdict in verdicts {
-        let is_said = |earlier: &Verdict| {
+        let is_same = |earlier: &Verdict| {
             (&earlier.code, &earlier.text, &earlier.about)
                 == (&verdict.code, &verdict.text, &verdict.about)
         };
-        match said.iter_mut().find(|earlier| is_said(earlier)) {
+        match distinct.iter_mut().find(|earlier| is_same(earlier)) {
             Some(earlier) => earlier.severity = earlier.severity.max(verdict.severity),
-            None => said.push(verdict),
+            None => distinct.push(verdict),
         }
     }
-    said
+    distinct
 }
 
 /// Moves verdicts that need attention to the front, the gravest first, and keeps the order of the rest.

@@ -67,8 +67,8 @@ pub fn height(joint: &Joint) -> Option<Verdict> {
     joint.reference_height().map(|height| {
         let text = format!(
             "The reference lies {:.1} mm {} where the drive puts it (± {:.1} mm, by the slopes of boards): \
-             check the height of the total station, the lever arm of the prism, and the registration. All \
-             of it is in tz.",
+             check the height of the total station, the lever arm of the prism, and the registration. \
+             The whole error goes into tz.",
             1e3 * height.value.abs(),
             if height.value > 0.0 { "above" } else { "below" },
             1e3 * height.sigma

@@ -6,8 +6,8 @@
 //! negative numbers in the fourth place, and whole numbers of 32 bits or halves of 64-bit numbers are floats that are
 //! too small, too large or not finite: the chance that one of them is plausible is about one in six, so that 64 points
 //! of them are not. At least one coordinate must exceed a metre, which excludes zeros, normals, colours and quaternions.
-//! Points with another number from 0 to 255 in the fourth place, such as a time, cannot be told apart: what the numbers
-//! are taken for is said.
+//! Points with another number from 0 to 255 in the fourth place, such as a time, cannot be told apart: a remark says
+//! how the numbers were interpreted.
 
 use crate::cloud::PointCloud;
 use crate::error::Result;

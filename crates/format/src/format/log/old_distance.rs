@@ -76,7 +76,7 @@ mod tests {
 
     /// Rows at 7 Hz of a prism with a constant velocity, from 20 m north of the instrument; `given` are the distances
     /// that the rows hold, from those that are measured.
-    fn found(velocity_m_s: Vec3, given: impl Fn(usize, &[f64]) -> f64) -> Vec<usize> {
+    fn old_rows(velocity_m_s: Vec3, given: impl Fn(usize, &[f64]) -> f64) -> Vec<usize> {
         let rate_hz = 7.0;
         let positions: Vec<Vec3> = (0..40)
             .map(|i| Vec3::new(0.0, 20.0, 0.0) + velocity_m_s * (i as f64 / rate_hz))
@@ -103,17 +103,20 @@ mod tests {
             30 => distances[29],
             _ => distances[i],
         };
-        assert_eq!(found(Vec3::new(0.3, 0.2, 0.0), repeated), [5, 10, 11, 30]);
+        assert_eq!(
+            old_rows(Vec3::new(0.3, 0.2, 0.0), repeated),
+            [5, 10, 11, 30]
+        );
         // Slower: 4 mm a row do not show in the first.
-        assert_eq!(found(Vec3::new(0.3, 0.03, 0.0), repeated), [5, 11]);
+        assert_eq!(old_rows(Vec3::new(0.3, 0.03, 0.0), repeated), [5, 11]);
     }
 
     #[test]
     fn a_distance_that_stays_is_not_old() {
         let rounded = |i: usize, distances: &[f64]| (1e3 * distances[i]).round() / 1e3;
         // At rest, around the instrument, and straight away from it.
-        assert_eq!(found(Vec3::zeros(), rounded), [5]);
-        assert_eq!(found(Vec3::new(0.02, 0.0, 0.0), rounded), [5]);
-        assert_eq!(found(Vec3::new(0.0, 0.3, 0.0), rounded), [5]);
+        assert_eq!(old_rows(Vec3::zeros(), rounded), [5]);
+        assert_eq!(old_rows(Vec3::new(0.02, 0.0, 0.0), rounded), [5]);
+        assert_eq!(old_rows(Vec3::new(0.0, 0.3, 0.0), rounded), [5]);
     }
 }

@@ -17,7 +17,7 @@ pub(super) trait Source {
     /// Its size in bytes.
     fn total(&self) -> u64;
 
-    /// Stands at a byte, of which errors are from now on.
+    /// Moves to a byte; later errors name it.
     fn stand_at(&mut self, start: u64);
 
     /// Fills `into` from where it stands; the file has as many bytes.

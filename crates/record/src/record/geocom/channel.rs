@@ -84,7 +84,7 @@ impl<S> Answer<S> {
 }
 
 /// The result of waiting for a reply.
-enum Heard<S> {
+enum ReplyOutcome<S> {
     Reply(Answer<S>),
     AskAgain,
 }
@@ -162,7 +162,8 @@ impl<L: Link, S> Channel<L, S> {
                 break;
             }
             self.counters.asked_again += u64::from(attempt > 0);
-            let Heard::Reply(answer) = self.ask_once(procedure, parameters, attempt, timeout)?
+            let ReplyOutcome::Reply(answer) =
+                self.ask_once(procedure, parameters, attempt, timeout)?
             else {
                 continue;
             };
@@ -190,7 +191,7 @@ impl<L: Link, S> Channel<L, S> {
         parameters: &[Value],
         attempt: u64,
         timeout: Duration,
-    ) -> Result<Heard<S>> {
+    ) -> Result<ReplyOutcome<S>> {
         self.transaction = self.transaction % LAST_TRANSACTION + 1;
         let (number, checked) = (procedure.number(), self.has_checksum);
         let line = Request::line(number, self.transaction, parameters, checked);
@@ -206,7 +207,7 @@ impl<L: Link, S> Channel<L, S> {
         self.listen(sent, timeout)
     }
 
-    fn listen(&mut self, sent: Instant, timeout: Duration) -> Result<Heard<S>> {
+    fn listen(&mut self, sent: Instant, timeout: Duration) -> Result<ReplyOutcome<S>> {
         let mut deadline = sent + timeout;
         let mut is_noisy = false;
         loop {
@@ -216,7 +217,7 @@ impl<L: Link, S> Channel<L, S> {
                     Some((start, Ok(reply))) if self.is_awaited(&reply) => {
                         self.counters.noise_bytes += start as u64;
                         self.counters.replies += 1;
-                        return Ok(Heard::Reply(Answer {
+                        return Ok(ReplyOutcome::Reply(Answer {
                             reply,
                             arrived: (self.now)(),
                             round_trip: sent.elapsed(),
@@ -224,16 +225,16 @@ impl<L: Link, S> Channel<L, S> {
                     }
                     Some((_, Ok(reply))) if self.has_checksum && !reply.has_checksum => {
                         self.counters.garbled += 1;
-                        return Ok(Heard::AskAgain);
+                        return Ok(ReplyOutcome::AskAgain);
                     }
                     Some((_, Ok(_))) => self.counters.late += 1,
                     Some((_, Err(Malformed::Checksum))) => {
                         self.counters.wrong_checksums += 1;
-                        return Ok(Heard::AskAgain);
+                        return Ok(ReplyOutcome::AskAgain);
                     }
                     Some((_, Err(Malformed::Syntax))) => {
                         self.counters.garbled += 1;
-                        return Ok(Heard::AskAgain);
+                        return Ok(ReplyOutcome::AskAgain);
                     }
                     None => {
                         self.counters.garbled += 1;
@@ -247,7 +248,7 @@ impl<L: Link, S> Channel<L, S> {
                 self.counters.timeouts += u64::from(!is_noisy);
                 // The rest of a broken line would damage the next reply.
                 self.lines.clear();
-                return Ok(Heard::AskAgain);
+                return Ok(ReplyOutcome::AskAgain);
             }
             self.receive(left)?;
         }

@@ -12,16 +12,16 @@ use crate::sensor::{
 pub(super) const WITHOUT_SOLUTION: &str = "without a solution";
 
 /// A record, or the reason why there is none.
-type Found<T> = Result<T, &'static str>;
+type Parsed<T> = Result<T, &'static str>;
 
 /// Finite numbers of the fields from `first` on.
-fn numbers<const N: usize>(message: &Message<'_>, first: usize) -> Found<[f64; N]> {
-    let mut found = [0.0_f64; N];
-    for (value, at) in found.iter_mut().zip(first..) {
+fn numbers<const N: usize>(message: &Message<'_>, first: usize) -> Parsed<[f64; N]> {
+    let mut values = [0.0_f64; N];
+    for (value, at) in values.iter_mut().zip(first..) {
         let field = message.fields.get(at).and_then(|text| text.parse().ok());
         *value = field.filter(|x: &f64| x.is_finite()).ok_or(DAMAGED)?;
     }
-    Ok(found)
+    Ok(values)
 }
 
 /// The quality of a position of this type; `None` for positions that were not measured.
@@ -48,7 +48,7 @@ fn quality(kind: &str) -> Option<FixQuality> {
 }
 
 /// The quality of the solution whose status and type are the first fields.
-fn solution(message: &Message<'_>) -> Found<FixQuality> {
+fn solution(message: &Message<'_>) -> Parsed<FixQuality> {
     let [status, kind, ..] = message.fields[..] else {
         return Err(DAMAGED);
     };
@@ -57,7 +57,7 @@ fn solution(message: &Message<'_>) -> Found<FixQuality> {
 }
 
 /// `status, type, latitude, longitude, height, undulation, datum, standard deviations of latitude, longitude, height, …`
-pub(super) fn position(message: &Message<'_>, time_s: f64) -> Found<GeographicFix> {
+pub(super) fn position(message: &Message<'_>, time_s: f64) -> Parsed<GeographicFix> {
     let quality = solution(message)?;
     let [latitude, longitude, height_m, undulation_m] = numbers(message, 2)?;
     let [north, east, up] = numbers(message, 7)?;
@@ -77,7 +77,7 @@ pub(super) fn position(message: &Message<'_>, time_s: f64) -> Found<GeographicFi
 
 /// `status, type, length, heading, pitch, reserved, standard deviations of heading, pitch, …` of the line from the first
 /// antenna to the second.
-pub(super) fn heading(message: &Message<'_>, time_s: f64) -> Found<HeadingFix> {
+pub(super) fn heading(message: &Message<'_>, time_s: f64) -> Parsed<HeadingFix> {
     if solution(message)? != FixQuality::Fixed {
         return Err(NOT_FIXED);
     }
@@ -97,7 +97,7 @@ pub(super) fn heading(message: &Message<'_>, time_s: f64) -> Found<HeadingFix> {
 }
 
 /// The pose of one of the INSPVA messages.
-pub(super) fn pose(message: &Message<'_>, time_s: f64) -> Found<GeographicPose> {
+pub(super) fn pose(message: &Message<'_>, time_s: f64) -> Parsed<GeographicPose> {
     let pose = match message.name {
         "INSPVAXA" | "INSPVAXSA" => pose_with_sigma(message, time_s),
         _ => plain_pose(message),
@@ -107,7 +107,7 @@ pub(super) fn pose(message: &Message<'_>, time_s: f64) -> Found<GeographicPose> 
 }
 
 /// Whether an inertial solution with this status gives poses.
-fn check_status(status: Option<&&str>) -> Found<()> {
+fn check_status(status: Option<&&str>) -> Parsed<()> {
     match status {
         Some(
             &"INS_SOLUTION_GOOD"
@@ -122,7 +122,7 @@ fn check_status(status: Option<&&str>) -> Found<()> {
 
 /// `status, type, latitude, longitude, height, undulation, velocity north, east, up, roll, pitch, azimuth, standard
 /// deviations of latitude, longitude, height, of the velocity, of roll, pitch, azimuth, …`
-fn pose_with_sigma(message: &Message<'_>, time_s: f64) -> Found<GeographicPose> {
+fn pose_with_sigma(message: &Message<'_>, time_s: f64) -> Parsed<GeographicPose> {
     check_status(message.fields.first())?;
     let [latitude, longitude, height_m, undulation_m] = numbers(message, 2)?;
     let [north, east, up] = numbers(message, 6)?;
@@ -148,7 +148,7 @@ fn pose_with_sigma(message: &Message<'_>, time_s: f64) -> Found<GeographicPose> 
 
 /// `GPS week, its second, latitude, longitude, ellipsoidal height, velocity north, east, up, roll, pitch, azimuth, status`:
 /// the time is finer than that of the header.
-fn plain_pose(message: &Message<'_>) -> Found<GeographicPose> {
+fn plain_pose(message: &Message<'_>) -> Parsed<GeographicPose> {
     check_status(message.fields.get(11))?;
     let [week, second, ..] = message.fields[..] else {
         return Err(DAMAGED);
