@@ -1,6 +1,5 @@
 //! Files compressed as a whole, with gzip or Zstandard.
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
@@ -22,10 +21,14 @@ const ALWAYS_BYTES: u64 = 8 << 20;
 ///
 /// # Errors
 /// A file that is damaged, cut off, or unpacks to far more than its size.
-pub(super) fn unpack(path: &Path, file: &mut File, size: u64) -> Result<Option<Vec<u8>>> {
+pub(super) fn unpack(
+    path: &Path,
+    file: &mut (impl Read + Seek),
+    size: u64,
+) -> Result<Option<Vec<u8>>> {
     let mut start = Vec::new();
     let io = |e| Error::io(path, e);
-    file.take(4).read_to_end(&mut start).map_err(io)?;
+    file.by_ref().take(4).read_to_end(&mut start).map_err(io)?;
     file.rewind().map_err(io)?;
     let most = most_bytes(size, Budget::new(None));
     if start.starts_with(GZIP) {

@@ -1,4 +1,4 @@
-//! What readers read: a file, or an excerpt of one in memory.
+//! What readers read: a file, an excerpt of one in memory, or whatever can be read and sought in.
 
 use std::fmt;
 use std::fs::File;
@@ -14,14 +14,14 @@ use crate::geometry::Vec3;
 /// The first bytes of a Parquet file, and also its last.
 pub(crate) const PARQUET: &[u8] = b"PAR1";
 
-/// The bytes of a file or of an excerpt of it, and its path for messages. It can be opened more than once, each time
-/// with a position of its own. The format is detected once for all clones.
+/// The bytes of a file, of an excerpt of it or of a reader, and its path for messages. It can be opened more than once,
+/// each time with a position of its own. The format is detected once for all clones.
 #[derive(Clone)]
 pub struct Input(Arc<Content>);
 
 struct Content {
     path: PathBuf,
-    excerpt: Option<Excerpt>,
+    source: Source,
     /// The content of a compressed file.
     unpacked: OnceLock<Excerpt>,
     detected: OnceLock<usize>,
@@ -45,8 +45,65 @@ pub struct PointTimes {
     pub unit_s: Option<f64>,
 }
 
+/// Where the bytes are.
+#[derive(Clone)]
+enum Source {
+    /// In the file at the path.
+    File,
+    Excerpt(Excerpt),
+    Reader(Shared),
+}
+
 #[derive(Debug, Clone)]
 pub(crate) struct Excerpt(Arc<[u8]>);
+
+/// What can be read from any position.
+trait Bytes: Read + Seek + Send {}
+
+impl<T: Read + Seek + Send> Bytes for T {}
+
+/// A position in a reader that others read too.
+#[derive(Clone)]
+pub(crate) struct Shared {
+    reader: Arc<Mutex<dyn Bytes>>,
+    position: u64,
+    size: u64,
+}
+
+impl fmt::Debug for Shared {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a reader of {} bytes at {}", self.size, self.position)
+    }
+}
+
+impl Read for Shared {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let reader = self.reader.lock();
+        let mut reader = reader.unwrap_or_else(PoisonError::into_inner);
+        reader.seek(SeekFrom::Start(self.position))?;
+        let read = reader.read(into)?;
+        self.position += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for Shared {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let target = match to {
+            SeekFrom::Start(position) => Some(position),
+            SeekFrom::End(offset) => self.size.checked_add_signed(offset),
+            SeekFrom::Current(offset) => self.position.checked_add_signed(offset),
+        };
+        let before = || {
+            io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "a position before the first byte",
+            )
+        };
+        self.position = target.ok_or_else(before)?;
+        Ok(self.position)
+    }
+}
 
 impl AsRef<[u8]> for Excerpt {
     fn as_ref(&self) -> &[u8] {
@@ -58,13 +115,33 @@ impl Input {
     /// Some records of the log at `path`, below its header if it has one. Files that lie beside the log do not apply
     /// to an excerpt, and an excerpt of a table of positions may hold no position.
     pub fn excerpt(path: &Path, bytes: Vec<u8>) -> Self {
-        Self::new(path, Some(Excerpt(bytes.into())), Arc::default())
+        Self::new(path, Source::Excerpt(Excerpt(bytes.into())), Arc::default())
     }
 
-    fn new(path: &Path, excerpt: Option<Excerpt>, notes: Arc<Mutex<Notes>>) -> Self {
+    /// A whole file that `reader` reads: in memory, in an archive, in a store of objects. Messages name it by `name`,
+    /// whose extension also tells formats apart that have no mark. Files beside it are not looked for, and Parquet,
+    /// which is read by several threads at once, must be a file.
+    ///
+    /// # Errors
+    /// The end of the reader cannot be found.
+    pub fn from_reader(
+        name: impl AsRef<Path>,
+        mut reader: impl Read + Seek + Send + 'static,
+    ) -> Result<Self> {
+        let name = name.as_ref();
+        let size = reader.seek(SeekFrom::End(0));
+        let shared = Shared {
+            size: size.map_err(|e| Error::io(name, e))?,
+            position: 0,
+            reader: Arc::new(Mutex::new(reader)),
+        };
+        Ok(Self::new(name, Source::Reader(shared), Arc::default()))
+    }
+
+    fn new(path: &Path, source: Source, notes: Arc<Mutex<Notes>>) -> Self {
         Self(Arc::new(Content {
             path: path.to_owned(),
-            excerpt,
+            source,
             unpacked: OnceLock::new(),
             detected: OnceLock::new(),
             notes,
@@ -76,7 +153,7 @@ impl Input {
     pub fn with_point_times(&self, point_times: PointTimes) -> Self {
         Self(Arc::new(Content {
             path: self.0.path.clone(),
-            excerpt: self.0.excerpt.clone(),
+            source: self.0.source.clone(),
             unpacked: OnceLock::new(),
             detected: OnceLock::new(),
             notes: self.0.notes.clone(),
@@ -91,7 +168,8 @@ impl Input {
 
     /// The file of which this input names a part; remarks on it are remarks on this input.
     pub(crate) fn of_file(&self, file: &Path) -> Self {
-        Self::new(file, None, self.0.notes.clone()).with_point_times(self.0.point_times.clone())
+        Self::new(file, Source::File, self.0.notes.clone())
+            .with_point_times(self.0.point_times.clone())
     }
 
     /// Keeps a sentence on what a reader left out or assumed; the same sentence is kept once.
@@ -131,7 +209,12 @@ impl Input {
 
     /// Whether it is an excerpt in memory.
     pub(crate) fn is_excerpt(&self) -> bool {
-        self.0.excerpt.is_some()
+        matches!(self.0.source, Source::Excerpt(_))
+    }
+
+    /// Whether it is the file at its path, beside which there may be others.
+    pub(crate) fn is_file(&self) -> bool {
+        matches!(self.0.source, Source::File)
     }
 
     /// The index of its format among all formats, which `detect` finds the first time.
@@ -149,14 +232,15 @@ impl Input {
     /// A file that is missing, empty or no regular file.
     pub(crate) fn open(&self) -> Result<(Stream, u64)> {
         let path = &file_of(self.path());
-        let (stream, size) = match &self.0.excerpt {
-            Some(excerpt) => {
+        let (stream, size) = match &self.0.source {
+            Source::Excerpt(excerpt) => {
                 let size = excerpt.0.len() as u64;
                 (Stream::Excerpt(Cursor::new(excerpt.clone())), size)
             }
-            None => {
+            Source::Reader(shared) => self.unpacked(Stream::Shared(shared.clone()), shared.size)?,
+            Source::File => {
                 let (file, size) = open_file(path)?;
-                self.unpacked(file, size)?
+                self.unpacked(Stream::File(file), size)?
             }
         };
         if size == 0 {
@@ -171,10 +255,10 @@ impl Input {
     }
 
     /// The content of a file of this size, unpacked in memory if it is compressed with gzip or Zstandard.
-    fn unpacked(&self, mut file: File, size: u64) -> Result<(Stream, u64)> {
+    fn unpacked(&self, mut stream: Stream, size: u64) -> Result<(Stream, u64)> {
         if self.0.unpacked.get().is_none() {
-            let Some(content) = compressed::unpack(self.path(), &mut file, size)? else {
-                return Ok((Stream::File(file), size));
+            let Some(content) = compressed::unpack(self.path(), &mut stream, size)? else {
+                return Ok((stream, size));
             };
             let _ = self.0.unpacked.set(Excerpt(content.into()));
         }
@@ -191,10 +275,10 @@ impl Input {
     pub(crate) fn open_file(&self) -> Result<(File, u64)> {
         match self.open()? {
             (Stream::File(file), size) => Ok((file, size)),
-            (Stream::Excerpt(_), _) => Err(Error::format(
+            (Stream::Excerpt(_) | Stream::Shared(_), _) => Err(Error::format(
                 self.path(),
                 Location::Whole,
-                "a compressed file or an excerpt in memory",
+                "a compressed file or bytes that are no file",
                 "a whole file that is not compressed",
             )),
         }
@@ -238,7 +322,7 @@ fn open_file(path: &Path) -> Result<(File, u64)> {
 
 impl<P: AsRef<Path> + ?Sized> From<&P> for Input {
     fn from(path: &P) -> Self {
-        Self::new(path.as_ref(), None, Arc::default())
+        Self::new(path.as_ref(), Source::File, Arc::default())
     }
 }
 
@@ -259,6 +343,7 @@ impl fmt::Debug for Input {
 pub(crate) enum Stream {
     File(File),
     Excerpt(Cursor<Excerpt>),
+    Shared(Shared),
 }
 
 impl Stream {
@@ -272,6 +357,7 @@ impl Read for Stream {
         match self {
             Self::File(file) => file.read(into),
             Self::Excerpt(bytes) => bytes.read(into),
+            Self::Shared(reader) => reader.read(into),
         }
     }
 }
@@ -281,6 +367,48 @@ impl Seek for Stream {
         match self {
             Self::File(file) => file.seek(to),
             Self::Excerpt(bytes) => bytes.seek(to),
+            Self::Shared(reader) => reader.seek(to),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::{read_cloud, read_imu};
+
+    const IMU: &str = "time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2\n\
+                       1.0,0,0,0.1,0,0,-9.8\n1.01,0,0,0.2,0,0,-9.8\n";
+
+    #[test]
+    fn readers_are_read_as_files_are() {
+        let input = Input::from_reader("imu.csv", Cursor::new(IMU)).unwrap();
+        let samples = read_imu(&input).unwrap();
+        assert_eq!(samples.len(), 2);
+        assert_eq!(samples[1].gyro_rad_s.z, 0.2);
+        let mut packed = flate2::read::GzEncoder::new(IMU.as_bytes(), flate2::Compression::fast());
+        let mut bytes = Vec::new();
+        packed.read_to_end(&mut bytes).unwrap();
+        let input = Input::from_reader("imu.csv.gz", Cursor::new(bytes)).unwrap();
+        assert_eq!(read_imu(&input).unwrap(), samples);
+        let input = Input::from_reader("points.xyz", Cursor::new("1 2 3\n4 5 6\n")).unwrap();
+        assert_eq!(read_cloud(&input).unwrap().points.len(), 2);
+        let empty = Input::from_reader("empty.csv", Cursor::new("")).unwrap();
+        let error = read_imu(&empty).unwrap_err().to_string();
+        assert!(error.contains("empty.csv: found an empty file"), "{error}");
+    }
+
+    #[test]
+    fn each_stream_has_its_own_position() {
+        let input = Input::from_reader("digits", Cursor::new("0123456789")).unwrap();
+        let [mut first, mut second] = [(); 2].map(|()| input.open().unwrap().0);
+        let mut two = [0; 2];
+        first.read_exact(&mut two).unwrap();
+        assert_eq!(second.seek(SeekFrom::End(-3)).unwrap(), 7);
+        second.read_exact(&mut two).unwrap();
+        assert_eq!(&two, b"78");
+        first.read_exact(&mut two).unwrap();
+        assert_eq!(&two, b"23");
+        assert!(first.seek(SeekFrom::Current(-5)).is_err());
     }
 }

@@ -99,13 +99,13 @@ pub fn recording_clock(log: &Path) -> Option<Result<RecordingClock>> {
 }
 
 /// Relates the sensor times of a log to the common time of its recording; `None` if there are no arrival times beside
-/// the log, if its records have no times, and for an excerpt.
+/// the log, if its records have no times, and for what is no file.
 ///
 /// # Errors
 /// Files that cannot be read; no record with a known arrival time; sensor times that go back and are not synchronised.
 pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
     let input = log.into();
-    if input.is_excerpt() {
+    if !input.is_file() {
         return Ok(None);
     }
     let log = input.path();
@@ -208,7 +208,7 @@ pub fn sensor_clock(log: impl Into<Input>) -> Result<Option<SensorClock>> {
 /// # Errors
 /// Files that cannot be read.
 pub(crate) fn station_times(log: &Input) -> Result<Vec<(f64, f64)>> {
-    if !log.is_excerpt() && station::is_station_log(log) {
+    if log.is_file() && station::is_station_log(log) {
         Ok(station::station(log)?.map_or(Vec::new(), |station| station.times_s))
     } else {
         Ok(Vec::new())

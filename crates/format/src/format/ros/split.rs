@@ -60,7 +60,7 @@ pub(super) fn beside(path: &Path) -> Vec<PathBuf> {
 pub(super) fn remark_on_others(input: &Input) {
     let path = input.path();
     let metadata = path.with_file_name(METADATA);
-    if input.is_excerpt() || !metadata.is_file() {
+    if !input.is_file() || !metadata.is_file() {
         return;
     }
     let all = beside(&metadata);
