@@ -9,6 +9,7 @@ use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::TableWriter;
 use crate::format::text::lines::Lines;
+use crate::format::text::numerals::DECIMAL_COMMAS;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::Vec3;
 
@@ -34,7 +35,7 @@ pub(crate) const XYZ: Kind = Kind {
     ..Kind::new("xyz-text", "cloud (lines of x y z)")
 };
 
-/// The columns of a native table that is known to have the needed ones; a row may lack a value in each.
+/// The columns of a native table that is known to have the needed ones; a row without a position was not measured.
 const WITH_GAPS: Columns = Columns {
     needed: &[],
     optional: &[
@@ -64,14 +65,6 @@ pub(crate) fn read_table(input: &Input) -> Result<PointCloud> {
         input.remark(format!("the columns {} are left out", left_out.join(", ")));
     }
     while table.next_row(&mut row)? {
-        // A row without a position was not measured, one with a part of it is damaged.
-        let position = &row[..3];
-        let missing = position.iter().position(|value| value.is_nan());
-        if let Some(at) = missing.filter(|_| position.iter().any(|value| value.is_finite())) {
-            let cell = if input.is_parquet() { "null" } else { "" };
-            let found = format!("`{cell}` in column {}", CLOUD.needed[at]);
-            return Err(table.error(found, "a finite number"));
-        }
         gathering.push(Vec3::new(row[0], row[1], row[2]), row[3], row[4]);
     }
     gathering.finish()
@@ -93,7 +86,7 @@ pub(crate) fn read_xyz(input: &Input) -> Result<PointCloud> {
         gathering.push(Vec3::new(cells[0], cells[1], cells[2]), f64::NAN, f64::NAN);
     }
     if lines.numerals().has_decimal_commas {
-        input.remark("commas are read as decimal marks".to_owned());
+        input.remark(DECIMAL_COMMAS);
     }
     if let Some(remark) = unnamed(width) {
         input.remark(format!(

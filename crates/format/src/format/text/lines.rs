@@ -1,13 +1,13 @@
 //! The lines of text files, and numbers between commas, semicolons or white space.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::is_in_recording;
 use crate::format::input::{Input, Stream};
 use crate::format::parquet;
-use crate::format::text::numerals::Numerals;
+use crate::format::text::numerals::{Numerals, is_in_missing};
+use crate::format::text::windows;
 
 /// Lines of this many bytes do not belong to a table; the limit keeps binary files from filling the memory.
 const LONGEST_LINE: u64 = 1 << 20;
@@ -19,7 +19,7 @@ pub(crate) const MOST_COLUMNS: usize = 1024;
 /// The lines of a text file, one at a time, without their ends.
 #[derive(Debug)]
 pub(crate) struct Lines {
-    path: PathBuf,
+    input: Input,
     reader: BufReader<Stream>,
     line: Vec<u8>,
     number: u64,
@@ -34,7 +34,7 @@ impl Lines {
     pub(crate) fn open(input: &Input) -> Result<Self> {
         let (file, total) = utf8(input)?;
         Ok(Self {
-            path: input.path().to_owned(),
+            input: input.clone(),
             reader: BufReader::with_capacity(1 << 18, file),
             line: Vec::new(),
             number: 0,
@@ -49,7 +49,8 @@ impl Lines {
     /// Reads the next line; false at the end.
     pub(crate) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
-        self.read_line().map_err(|e| Error::io(&self.path, e))?;
+        self.read_line()
+            .map_err(|e| Error::io(self.input.path(), e))?;
         let read = self.line.len() as u64;
         let is_complete = self.line.ends_with(b"\n") || self.line.ends_with(b"\r");
         if self.complete_only && read < LONGEST_LINE && !is_complete {
@@ -58,12 +59,21 @@ impl Lines {
         }
         self.number += 1;
         self.bytes += read;
-        // DOS programs mark the end of a text with this byte.
-        if self.bytes == self.total && self.line.last() == Some(&DOS_END) {
-            self.line.pop();
+        // DOS programs mark the end of a text with this byte, some of them twice.
+        if self.bytes == self.total && self.line.contains(&DOS_END) {
+            let is_end = |byte: &u8| *byte == DOS_END || byte.is_ascii_whitespace();
+            let end = self.line.iter().rposition(|byte| !is_end(byte));
+            self.line.truncate(end.map_or(0, |end| end + 1));
             if self.line.is_empty() {
                 return Ok(false);
             }
+        }
+        if std::str::from_utf8(&self.line).is_err()
+            && let Some(text) = windows::decode(&self.line)
+        {
+            self.input
+                .remark("text that is not UTF-8 is read as Windows-1252");
+            self.line = text.into_bytes();
         }
         let text = match std::str::from_utf8(&self.line) {
             Ok(_) if read == LONGEST_LINE => Err("a line of a mebibyte or more"),
@@ -194,7 +204,8 @@ impl Lines {
 
     /// A format error at the line last read.
     pub(crate) fn error(&self, found: impl Into<String>, expected: impl Into<String>) -> Error {
-        Error::format(&self.path, Location::Line(self.number), found, expected)
+        let path = self.input.path();
+        Error::format(path, Location::Line(self.number), found, expected)
     }
 }
 
@@ -324,8 +335,10 @@ pub(crate) fn without_trailer(line: &str) -> &str {
     let content = match memchr::memchr2(b'#', b'/', line.as_bytes()) {
         None => line,
         Some(_) => {
-            let end = ["#", "//"].into_iter().filter_map(|mark| line.find(mark));
-            line[..end.min().unwrap_or(line.len())].trim_ascii()
+            let is_mark = |at: &usize| line.as_bytes()[*at] == b'/' || !is_in_missing(line, *at);
+            let hashes = line.match_indices('#').map(|(at, _)| at);
+            let end = hashes.chain(line.find("//")).filter(is_mark).min();
+            line[..end.unwrap_or(line.len())].trim_ascii()
         }
     };
     let content = if content.is_empty() { line } else { content };

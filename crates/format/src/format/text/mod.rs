@@ -8,3 +8,4 @@ pub(super) mod table;
 pub(super) mod unit;
 pub(super) mod whole_lines;
 pub(super) mod yaml;
+mod windows;

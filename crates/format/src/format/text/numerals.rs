@@ -2,56 +2,104 @@
 
 use std::borrow::Cow;
 
-/// Marks of a missing number other than `nan`, in lower case: those of the C libraries of Windows, and of tables.
-const MISSING: [&str; 14] = [
+/// What is said of a file whose numbers have them.
+pub(crate) const DECIMAL_COMMAS: &str = "commas are read as decimal marks";
+/// Words in place of a missing number, in lower case: those of databases, of tables and their errors, and of C.
+const MISSING: [&str; 16] = [
     "-nan(ind)",
     "nan(ind)",
     "-nan(snan)",
     "nan(snan)",
     "-nan(qnan)",
-    "1.#qnan",
-    "-1.#qnan",
-    "1.#ind",
-    "-1.#ind",
     "null",
     "none",
     "na",
     "n/a",
     "#n/a",
+    "#nv",
+    "#null!",
+    "#num!",
+    "#value!",
+    "#div/0!",
+    "nil",
 ];
 
-/// How the commas in the numbers of a file have been read so far: a comma is either its decimal mark or groups its
-/// digits.
+/// Whether a cell is a mark of a missing value: a word, dashes or asterisks in place of digits, or what the C library of
+/// Windows writes for a value that is no number, such as `-1.#IND` or `1.#QNAN0`.
+fn is_missing(cell: &str) -> bool {
+    let consists_of = |mark: char| cell.chars().all(|c| c == mark);
+    let unsigned = cell.trim_start_matches(['+', '-']);
+    cell.is_empty()
+        || consists_of('-') && cell.len() <= 3
+        || consists_of('*')
+        || unsigned.starts_with("1.#")
+        || MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word))
+}
+
+/// Whether the mark `#` at this byte belongs to the mark of a missing value rather than beginning a comment.
+pub(crate) fn is_in_missing(line: &str, at: usize) -> bool {
+    let (before, from) = line.split_at(at);
+    let of_windows = before.strip_suffix("1.");
+    let is_whole = |text: &str| !text.ends_with(|c: char| c.is_ascii_digit() || c == '.');
+    let word = from.split([',', ';', '"', ' ', '\t']).next();
+    of_windows.is_some_and(is_whole) && !from[1..].starts_with([' ', '\t'])
+        || word.is_some_and(|word| is_missing(word.trim_ascii()))
+}
+
+/// How the commas and points in the numbers of a file have been read so far: each is either its decimal mark or groups
+/// its digits.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Numerals {
     pub(crate) has_decimal_commas: bool,
     has_grouping_commas: bool,
+    has_decimal_points: bool,
 }
 
 impl Numerals {
     /// The number in a cell; NaN for an empty cell and for a mark of a missing value. `None` for other text, and where
-    /// a comma would be a decimal mark in one cell of the file and a grouping mark in another one.
+    /// a comma or a point would be a decimal mark in one cell of the file and a grouping mark in another one.
     #[inline]
     pub(crate) fn number(&mut self, cell: &str) -> Option<f64> {
         match cell.parse() {
-            Ok(value) => Some(value),
+            Ok(_) if self.has_decimal_commas && cell.contains('.') => self.unusual(cell),
+            Ok(value) => {
+                self.has_decimal_points = self.has_decimal_points || cell.contains('.');
+                Some(value)
+            }
             Err(_) => self.unusual(cell),
+        }
+    }
+
+    /// What a cell that is no number should have been.
+    pub(crate) fn wanted(&self, cell: &str) -> &'static str {
+        if self.has_decimal_points && cell.contains(',')
+            || self.has_decimal_commas && cell.contains('.')
+        {
+            "a number with the decimal mark of the numbers before it"
+        } else {
+            "a number"
         }
     }
 
     fn unusual(&mut self, cell: &str) -> Option<f64> {
         let cell = cell.trim_matches('"').trim();
-        if cell.is_empty() || MISSING.contains(&cell.to_ascii_lowercase().as_str()) {
+        if is_missing(cell) {
             return Some(f64::NAN);
         }
         let text = without_groups(cell)?;
         let commas = text.matches(',').count();
         let points = text.matches('.').count();
         let (whole, fraction) = match (commas, points) {
-            (0, 0 | 1) => return text.parse().ok(),
+            // Beside decimal commas, points group the digits.
+            (0, 1) if self.has_decimal_commas => (&*text, ""),
+            (0, 0 | 1) => {
+                let value = text.parse().ok()?;
+                self.has_decimal_points |= points == 1;
+                return Some(value);
+            }
             // Decimal mark and grouping mark are told apart by their order.
             (_, 1) if text.find(',') < text.find('.') => {
-                self.has_grouping_commas = true;
+                (self.has_grouping_commas, self.has_decimal_points) = (true, true);
                 text.split_once('.')?
             }
             (1, _) => {
@@ -64,7 +112,7 @@ impl Numerals {
             }
             _ => return None,
         };
-        if self.has_decimal_commas && self.has_grouping_commas {
+        if self.has_decimal_commas && (self.has_grouping_commas || self.has_decimal_points) {
             return None;
         }
         let mark = if self.has_decimal_commas { '.' } else { ',' };
@@ -128,7 +176,20 @@ mod tests {
         ] {
             assert_eq!(read(cell), Some(expected), "{cell}");
         }
-        for cell in ["", "\"\"", "nan", "-nan(ind)", "1.#QNAN", "NULL", "N/A"] {
+        for cell in [
+            "",
+            "\"\"",
+            "nan",
+            "-nan(ind)",
+            "1.#QNAN",
+            "-1.#IND00",
+            "1.#INF",
+            "NULL",
+            "N/A",
+            "#N/A",
+            "-",
+            "*****",
+        ] {
             assert!(read(cell).is_some_and(f64::is_nan), "{cell}");
         }
         for cell in ["a", "1,2,3", "12,34.5", "1.2.3", "1,-5", "5'62", "1;2", ","] {
@@ -141,5 +202,36 @@ mod tests {
         let mut numerals = Numerals::default();
         assert_eq!(numerals.number("364,500"), Some(364.5));
         assert_eq!(numerals.number("5,621,000"), None);
+    }
+
+    #[test]
+    fn points_beside_decimal_commas_group_digits() {
+        let read = |cells: &[&str]| {
+            let mut numerals = Numerals::default();
+            cells
+                .iter()
+                .map(|cell| numerals.number(cell))
+                .collect::<Vec<_>>()
+        };
+        let found = read(&["1.234,5", "2.345", "61,25", "10"]);
+        assert_eq!(found, [1234.5, 2345.0, 61.25, 10.0].map(Some));
+        // Whether the first one is 364.5 or 364500 is decided too late.
+        assert_eq!(read(&["364.500", "61,25"]), [Some(364.5), None]);
+        assert_eq!(read(&["61,25", "0.5"]), [Some(61.25), None]);
+    }
+
+    #[test]
+    fn marks_of_missing_values_are_told_from_comments() {
+        for line in ["4 5 1.#INF", "4 5 -1.#IND 7", "4,5,#N/A,7", "4;5;#NV"] {
+            assert!(is_in_missing(line, line.find('#').unwrap()), "{line}");
+        }
+        for line in [
+            "4 5 6 # stop",
+            "4 5 61.#2",
+            "4 5 6 #NAME of it",
+            "4 5 1. # good",
+        ] {
+            assert!(!is_in_missing(line, line.find('#').unwrap()), "{line}");
+        }
     }
 }

@@ -4,9 +4,10 @@
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::parquet::Rows;
+use crate::format::text::civil::unix_from_iso;
 use crate::format::text::lines::{Lines, MOST_COLUMNS, Separator, numbers, without_trailer};
 use crate::format::text::numerals::Numerals;
-use crate::format::text::unit::factor;
+use crate::format::text::unit::factor_of;
 
 /// The columns that a reader wants: needed columns, then optional columns.
 #[derive(Debug, Clone, Copy)]
@@ -22,14 +23,17 @@ impl<'a> Columns<'a> {
 
     /// Whether all needed columns are among `names`.
     pub(crate) fn are_in(&self, names: &[String]) -> bool {
-        self.needed
-            .iter()
-            .all(|needed| names.iter().any(|name| factor(name, needed).is_some()))
+        self.needed.iter().all(|needed| {
+            names
+                .iter()
+                .any(|name| factor_of(name, needed, names).is_some())
+        })
     }
 
     /// Whether one of the columns has this name.
     pub(crate) fn names(&self, name: &str) -> bool {
-        self.wanted().any(|wanted| factor(name, wanted).is_some())
+        self.wanted()
+            .any(|wanted| factor_of(name, wanted, &[]).is_some())
     }
 
     fn describe(&self) -> String {
@@ -49,6 +53,24 @@ struct Slot {
     may_be_empty: bool,
     /// Factor from the file's unit to the wanted unit.
     factor: f64,
+    /// Whether it may also hold dates with times of UTC.
+    is_time: bool,
+}
+
+impl Slot {
+    /// The value of a number in the file; NaN stands for a missing one. `None` if it is not finite in the wanted unit.
+    fn value(&self, number: f64) -> Option<f64> {
+        let value = number * self.factor;
+        (value.is_finite() || number.is_nan()).then_some(value)
+    }
+}
+
+/// What was read of a row.
+enum Read {
+    Row,
+    /// A row without a value in this column of the file, which is needed, and what is in its place.
+    Incomplete(usize, String),
+    End,
 }
 
 /// The file from which the rows are read.
@@ -73,6 +95,13 @@ pub(crate) struct Table {
     /// Slot of each column of the file; `None` for columns that are not wanted.
     slots: Vec<Option<Slot>>,
     width: usize,
+    input: Input,
+    /// Rows that were returned.
+    complete: u64,
+    /// Rows without a value in a needed column, which are left out.
+    incomplete: u64,
+    /// What is said of the first of them if there are too many: its line, and the column.
+    first_incomplete: Option<(u64, Error)>,
 }
 
 impl Table {
@@ -108,6 +137,11 @@ impl Table {
                 Some(names) if is_numeric && columns.are_in(&names) => names,
                 _ => separator.names(text),
             };
+            let mut names = names;
+            // A separator behind the last name.
+            if names.len() > 1 && names.last().is_some_and(String::is_empty) {
+                names.pop();
+            }
             if is_numeric && !columns.are_in(&names) {
                 return Err(lines.error(
                     format!("{} numbers without a header", cells.len()),
@@ -129,6 +163,10 @@ impl Table {
                 names,
                 slots,
                 width: columns.wanted().count(),
+                input: input.clone(),
+                complete: 0,
+                incomplete: 0,
+                first_incomplete: None,
             });
         }
     }
@@ -143,13 +181,60 @@ impl Table {
             names,
             slots,
             width: columns.wanted().count(),
+            input: input.clone(),
+            complete: 0,
+            incomplete: 0,
+            first_incomplete: None,
         })
     }
 
     /// Reads the next row into `row`: needed columns first, then optional columns. Values are NaN if the
-    /// file has no such column or the cell is empty. False at the end.
+    /// file has no such column or the cell is empty. Rows without a value in a needed column are left out, which the
+    /// input remarks. False at the end.
+    ///
+    /// # Errors
+    /// A cell that is no number; at the end, as many rows without a value as rows with all of them.
     pub(crate) fn next_row(&mut self, row: &mut [f64]) -> Result<bool> {
         debug_assert_eq!(row.len(), self.width);
+        loop {
+            match self.read_row(row)? {
+                Read::Row => {
+                    self.complete += 1;
+                    return Ok(true);
+                }
+                Read::Incomplete(column, found) => {
+                    if self.first_incomplete.is_none() {
+                        let error = bad_cell(&found, &self.names[column], |f, e| self.error(f, e));
+                        self.first_incomplete = Some((self.number(), error));
+                    }
+                    self.incomplete += 1;
+                }
+                Read::End => {
+                    self.conclude()?;
+                    return Ok(false);
+                }
+            }
+        }
+    }
+
+    /// Remarks on the rows that were left out.
+    fn conclude(&mut self) -> Result<()> {
+        let Some((line, error)) = self.first_incomplete.take() else {
+            return Ok(());
+        };
+        if self.incomplete >= self.complete {
+            return Err(error);
+        }
+        self.input.remark(format!(
+            "rows without a value in a column that is needed left out: {}, the first in line {line}",
+            self.incomplete
+        ));
+        Ok(())
+    }
+
+    /// Reads the next row, which may lack values.
+    fn read_row(&mut self, row: &mut [f64]) -> Result<Read> {
+        let is_first = self.complete + self.incomplete == 0;
         let (names, slots) = (&self.names, &self.slots);
         match &mut self.source {
             Source::Text {
@@ -159,7 +244,11 @@ impl Table {
                 pending,
             } => {
                 if !std::mem::take(pending) && !lines.next_content()? {
-                    return Ok(false);
+                    return Ok(Read::End);
+                }
+                let are_units = is_first && are_units(&separator.names(lines.text()), names, slots);
+                if are_units && !lines.next_content()? {
+                    return Ok(Read::End);
                 }
                 let read = text_row(lines, *separator, numerals, names, slots, row);
                 read.or_else(|error| {
@@ -172,35 +261,31 @@ impl Table {
                     if of_row == *separator {
                         return Err(error);
                     }
-                    text_row(lines, of_row, numerals, names, slots, row).map_err(|_| error)?;
+                    let read = text_row(lines, of_row, numerals, names, slots, row);
                     *separator = of_row;
-                    Ok(())
-                })?;
+                    read.map_err(|_| error)
+                })
             }
             Source::Parquet(rows) => {
                 if !rows.advance()? {
-                    return Ok(false);
+                    return Ok(Read::End);
                 }
                 row.fill(f64::NAN);
-                let used = slots.iter().zip(names);
-                let used = used.filter_map(|(slot, name)| Some(((*slot)?, name)));
-                for (i, (slot, name)) in used.enumerate() {
-                    match rows.cell(i) {
-                        // The value must be finite in the wanted unit, too.
-                        Some(value) if (value * slot.factor).is_finite() => {
-                            row[slot.index] = value * slot.factor;
-                        }
-                        Some(value) if value.is_nan() && slot.may_be_empty => {}
-                        None if slot.may_be_empty => {}
-                        cell => {
-                            let found = cell.map_or("null".to_owned(), |value| value.to_string());
-                            return Err(bad_cell(&found, name, |f, e| rows.error(f, e)));
-                        }
+                let mut missing = None;
+                let used = slots.iter().enumerate();
+                let used = used.filter_map(|(column, slot)| Some((column, (*slot)?)));
+                for (i, (column, slot)) in used.enumerate() {
+                    let value = rows.cell(i).unwrap_or(f64::NAN);
+                    let error =
+                        || bad_cell(&value.to_string(), &names[column], |f, e| rows.error(f, e));
+                    row[slot.index] = slot.value(value).ok_or_else(error)?;
+                    if row[slot.index].is_nan() && !slot.may_be_empty {
+                        missing.get_or_insert_with(|| (column, "null".to_owned()));
                     }
                 }
+                Ok(missing.map_or(Read::Row, |(at, found)| Read::Incomplete(at, found)))
             }
         }
-        Ok(true)
     }
 
     /// The names in the header, in the order of the file.
@@ -239,6 +324,27 @@ impl Table {
     }
 }
 
+/// Whether the cells below a header repeat the units that the names of the wanted columns end in.
+fn are_units(cells: &[String], names: &[String], slots: &[Option<Slot>]) -> bool {
+    let is_unit = |cell: &str, name: &str| {
+        let unit = cell.trim_matches(['[', ']', '(', ')', '"']).to_lowercase();
+        let unit = unit
+            .replace('/', "_")
+            .replace(['^', '*', 'ˆ'], "")
+            .replace('²', "2");
+        !unit.is_empty() && name.to_lowercase().ends_with(&format!("_{unit}"))
+    };
+    let wanted = cells
+        .iter()
+        .zip(names)
+        .zip(slots)
+        .filter(|(_, slot)| slot.is_some());
+    let mut wanted = wanted
+        .map(|((cell, name), _)| is_unit(cell, name))
+        .peekable();
+    cells.len() == names.len() && wanted.peek().is_some() && wanted.all(|is_unit| is_unit)
+}
+
 /// Parses the line last read into `row`. What follows the values, a comment or a separator, is passed over.
 fn text_row(
     lines: &Lines,
@@ -247,29 +353,33 @@ fn text_row(
     names: &[String],
     slots: &[Option<Slot>],
     row: &mut [f64],
-) -> Result<()> {
-    row.fill(f64::NAN);
+) -> Result<Read> {
     let mut parse = |text: &str| {
-        let count = separator.split(text, |i, cell| match slots.get(i) {
-            None | Some(None) => Ok(()),
-            Some(Some(slot)) => match numerals.number(cell) {
-                // The value must be finite in the wanted unit, too.
-                Some(value) if (value * slot.factor).is_finite() => {
-                    row[slot.index] = value * slot.factor;
-                    Ok(())
-                }
-                Some(value) if value.is_nan() && slot.may_be_empty => Ok(()),
-                _ => {
-                    let found: String = cell.chars().take(40).collect();
-                    Err(bad_cell(&found, &names[i], |f, e| lines.error(f, e)))
-                }
-            },
+        row.fill(f64::NAN);
+        let mut tried = *numerals;
+        let mut missing = None;
+        let count = separator.split(text, |i, cell| {
+            let Some(Some(slot)) = slots.get(i) else {
+                return Ok::<(), Error>(());
+            };
+            let date = || unix_from_iso(cell.trim_matches('"')).filter(|_| slot.is_time);
+            let value = tried.number(cell).and_then(|number| slot.value(number));
+            let shown = || cell.chars().take(40).collect::<String>();
+            let value = value
+                .or_else(date)
+                .ok_or_else(|| bad_cell(&shown(), &names[i], |f, e| lines.error(f, e)))?;
+            row[slot.index] = value;
+            if value.is_nan() && !slot.may_be_empty {
+                missing.get_or_insert_with(|| (i, shown()));
+            }
+            Ok(())
         })?;
         // The last tabs of a line are lost with the white space around it.
         let may_end = separator == Separator::Tab && count < slots.len();
         let is_optional = |slot: &Option<Slot>| slot.is_none_or(|slot| slot.may_be_empty);
         if count == slots.len() || may_end && slots[count..].iter().all(is_optional) {
-            return Ok(());
+            *numerals = tried;
+            return Ok(missing.map_or(Read::Row, |(at, found)| Read::Incomplete(at, found)));
         }
         let expected = format!("{} as in the header ({})", slots.len(), names.join(", "));
         Err(lines.error(format!("{count} values"), expected))
@@ -297,7 +407,7 @@ fn match_columns(
         let mut matches = names
             .iter()
             .enumerate()
-            .filter_map(|(column, name)| Some((column, factor(name, wanted)?)));
+            .filter_map(|(column, name)| Some((column, factor_of(name, wanted, names)?)));
         match (matches.next(), matches.next()) {
             (Some(_), Some(_)) => {
                 let found = format!("column {wanted} twice");
@@ -308,6 +418,7 @@ fn match_columns(
                     index: slot,
                     may_be_empty: slot >= needed,
                     factor,
+                    is_time: wanted == "time_s",
                 });
             }
             (None, _) => {
@@ -357,94 +468,4 @@ fn nearest<'a>(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const COLUMNS: Columns = Columns {
-        needed: &["time_s", "x_m"],
-        optional: &["sigma_m"],
-    };
-
-    fn rows(text: &str) -> Result<Vec<[f64; 3]>> {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.csv");
-        std::fs::write(&path, text).unwrap();
-        let mut table = Table::open(&Input::from(&path), &COLUMNS)?;
-        let mut rows = Vec::new();
-        let mut row = [0.0; 3];
-        while table.next_row(&mut row)? {
-            rows.push(row);
-        }
-        Ok(rows)
-    }
-
-    fn message(text: &str) -> String {
-        rows(text).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn separators_order_comments_and_line_ends_do_not_matter() {
-        for text in [
-            "time_s,x_m,sigma_m\n1,2,3\n",
-            "\u{feff}# made by hand\r\n\r\n x_m ; sigma_m;time_s\r\n2;3; 1\r\n",
-            "x_m\ttime_s  other sigma_m\n# half way\n2 1 red 3",
-            "# time_s, x_m, sigma_m\n1, 2, 3\n",
-            "\"time_s\",\"x_m\",\"sigma_m\"\n1e0,+2.0,3\n\n",
-            "time_s\tx_m\tother\tsigma_m\n1\t2\t\t3\n",
-            "time_s\tx_m\tsigma_m\n1\t\t2\t\t3\n",
-        ] {
-            assert_eq!(rows(text).unwrap(), [[1.0, 2.0, 3.0]], "{text}");
-        }
-        assert!(rows("time_s,x_m\n1,2").unwrap()[0][2].is_nan());
-        for text in [
-            "time_s,x_m,sigma_m\n1,2,\n",
-            "time_s\tx_m\tsigma_m\n1\t2\t\n",
-        ] {
-            assert!(rows(text).unwrap()[0][2].is_nan(), "{text}");
-        }
-    }
-
-    #[test]
-    fn other_units_are_converted() {
-        let found = rows("time_ms,x_mm,sigma_cm\n1500,250,2\n").unwrap();
-        assert_eq!(found, [[1.5, 0.25, 0.02]]);
-    }
-
-    #[test]
-    fn errors_name_line_finding_and_expectation() {
-        let text = message("time_s,x_me\n1,2\n");
-        assert!(
-            text.contains("line 1") && text.contains("`x_me` looks like `x_m`"),
-            "{text}"
-        );
-        let text = message("time_s,x_m,sgma_m\n1,2,3\n");
-        assert!(text.contains("`sgma_m` looks like `sigma_m`"), "{text}");
-        let text = message("time_s,x_m\n1,2\n3,NaN\n");
-        assert!(
-            text.contains("line 3") && text.contains("`NaN` in column x_m"),
-            "{text}"
-        );
-        let text = message("time_s,x_m\n1,\n");
-        assert!(text.contains("`` in column x_m"), "{text}");
-        let text = message("time_s,x_m\n# c\n1,2,3\n");
-        assert!(
-            text.contains("line 3: found 3 values, expected 2"),
-            "{text}"
-        );
-        let text = message("1,2\n");
-        assert!(text.contains("2 numbers without a header"), "{text}");
-        let text = message("time_s,x_m,x_m\n1,2,2\n");
-        assert!(text.contains("column x_m twice"), "{text}");
-        let text = message("time_s,x_m,x_mm\n1,2,2\n");
-        assert!(text.contains("column x_m twice"), "{text}");
-        let text = message("time_s,x_km\n1,1e307\n");
-        assert!(text.contains("`1e307` in column x_km"), "{text}");
-        let text = message(&format!("time_s,x_m{}\n", ",a".repeat(MOST_COLUMNS)));
-        assert!(
-            text.contains("line 1: found more than 1024 columns"),
-            "{text}"
-        );
-        assert!(message("# nothing\n").contains("no header"));
-        assert!(message("time_s\0,x_m\n").contains("zero bytes"));
-    }
-}
+mod tests;

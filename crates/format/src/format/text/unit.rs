@@ -32,6 +32,19 @@ pub(crate) fn factor(name: &str, wanted: &str) -> Option<f64> {
     })
 }
 
+/// As [`factor`], for a column of a table with these names: without `time_s`, a column called `time` holds seconds or
+/// dates.
+pub(crate) fn factor_of(name: &str, wanted: &str, names: &[String]) -> Option<f64> {
+    let is_time = || {
+        wanted == "time_s"
+            && ["time", "timestamp"]
+                .iter()
+                .any(|known| name.eq_ignore_ascii_case(known))
+            && !names.iter().any(|name| factor(name, wanted).is_some())
+    };
+    factor(name, wanted).or_else(|| is_time().then_some(1.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
