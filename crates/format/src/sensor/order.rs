@@ -1,7 +1,7 @@
 //! Records in time order.
 
 /// Indices of a longest strictly increasing subsequence (Fredman 1975), n log n. One wild time costs one record, however
-/// far off it is.
+/// far off it is; of equal times, the first is kept.
 pub fn longest_increasing(values: &[f64]) -> Vec<usize> {
     if values.windows(2).all(|pair| pair[1] > pair[0]) {
         return (0..values.len()).collect();
@@ -16,7 +16,7 @@ pub fn longest_increasing(values: &[f64]) -> Vec<usize> {
         }
         if length == ends.len() {
             ends.push(i);
-        } else {
+        } else if values[ends[length]] > *value {
             ends[length] = i;
         }
     }
@@ -64,6 +64,7 @@ mod tests {
             );
             assert_eq!(Some(indices.len() as u32), best, "{values:?}");
         }
+        assert_eq!(longest_increasing(&[0.0, 1.0, 1.0, 2.0, 2.0]), [0, 1, 3]);
         // One wild stamp costs one record.
         assert_eq!(
             longest_increasing(&[0.0, 1.0, 99.0, 2.0, 3.0]),

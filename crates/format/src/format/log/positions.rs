@@ -9,6 +9,7 @@ use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::old_distance::{OldDistances, PolarRow, without_range};
 use crate::format::log::tables::{TableWriter, sigma};
+use crate::format::poses::navigation;
 use crate::format::text::lines::header_names;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{Mat3, Vec3};
@@ -213,6 +214,9 @@ fn read<const N: usize>(
     mut record: impl FnMut(&[f64; N], &Table) -> Result<std::result::Result<PositionFix, String>>,
 ) -> Result<Positions> {
     let mut table = Table::open(input, columns)?;
+    if let Some(remark) = navigation::remark_on_angles(table.names()) {
+        input.remark(remark);
+    }
     let mut positions = Positions::default();
     let mut row = [0.0; N];
     while table.next_row(&mut row)? {

@@ -9,10 +9,10 @@ use crate::error::Result;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::log::tables::{read_rows, sigma};
-use crate::format::poses::table::IN_ORDER;
+use crate::format::poses::order::Order;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{Vec3, WorldFromBody};
-use crate::sensor::{Continued, NavigationAngles, NavigationSigma, PoseRecord};
+use crate::sensor::{NavigationAngles, NavigationSigma, PoseRecord};
 
 pub(crate) const NAVIGATION: Columns = Columns {
     needed: &[
@@ -53,6 +53,14 @@ pub(crate) const EXPECTED: &str = "the header `time_s,east_m,north_m,up_m,roll_d
      is positive with the right side down, pitch with the nose up, and heading counts clockwise from the north axis of \
      the coordinates, not from true north; else poses with quaternions (TUM)";
 
+/// What to say of a log of positions whose header also names such angles, which are left out.
+pub(crate) fn remark_on_angles(names: &[String]) -> Option<String> {
+    let found = unstated_angles(names)?;
+    Some(format!(
+        "only the positions are read of {found}; poses need {EXPECTED}"
+    ))
+}
+
 /// Whether a header names roll, pitch, and a yaw or heading, and what was found then.
 pub(crate) fn unstated_angles(names: &[String]) -> Option<String> {
     let plain = |name: &String| {
@@ -77,11 +85,9 @@ pub(crate) fn unstated_angles(names: &[String]) -> Option<String> {
 
 /// Reads the table. The body has x forward, y left, z up.
 fn read(input: &Input) -> Result<Vec<PoseRecord>> {
-    let mut times = Continued::default();
-    read_rows::<13, _>(input, &NAVIGATION, "pose", |row, table: &Table| {
-        if let Err(found) = times.in_order(row[0]) {
-            return Err(table.error(found, IN_ORDER));
-        }
+    let mut order = Order::default();
+    let poses = read_rows::<13, _>(input, &NAVIGATION, "pose", |row, table: &Table| {
+        order.add(row[0], |found, expected| table.error(found, expected));
         if row[5].abs() > 90.0 {
             return Err(table.error(format!("pitch_deg = {}", row[5]), "-90 to 90"));
         }
@@ -91,7 +97,9 @@ fn read(input: &Input) -> Result<Vec<PoseRecord>> {
             sigma: sigmas(&row[7..], table)?.map(|sigma| angles.pose_sigma(&sigma)),
             ..PoseRecord::new(row[0], pose)
         })
-    })
+    })?;
+    order.finish()?;
+    Ok(poses)
 }
 
 /// The standard deviations of a row, if it has them.

@@ -10,10 +10,10 @@ use crate::error::Result;
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
-use crate::format::poses::table::IN_ORDER;
+use crate::format::poses::order::Order;
 use crate::format::text::lines::{Lines, Separator};
 use crate::geometry::Vec3;
-use crate::sensor::{Continued, GeographicPose, NavigationAngles, NavigationSigma};
+use crate::sensor::{GeographicPose, NavigationAngles, NavigationSigma};
 
 pub(crate) const EXPORT: Kind = Kind {
     signature: Some(looks_like),
@@ -63,7 +63,10 @@ fn is_units(line: &str) -> bool {
 
 fn looks_like(start: &Start<'_>) -> bool {
     let text = String::from_utf8_lossy(start.bytes);
-    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let mut lines = text
+        .split(['\r', '\n'])
+        .map(str::trim)
+        .filter(|line| !line.is_empty());
     let has_header = lines.any(|line| is_header(&Separator::Comma.names(line)));
     has_header && lines.next().is_some_and(is_units)
 }
@@ -133,13 +136,11 @@ fn read(input: &Input) -> Result<Vec<GeographicPose>> {
     let mut lines = Lines::open(input)?;
     let layout = read_header(input, &mut lines)?;
     let (mut cells, mut poses) = (Vec::with_capacity(layout.width), Vec::new());
-    let mut times = Continued::default();
+    let mut order = Order::default();
     let expected = || format!("{} finite numbers, as the header names", layout.width);
     while lines.next_numbers(&mut cells, |n| n == layout.width, expected)? {
         let pose = layout.pose(&cells);
-        if let Err(found) = times.in_order(pose.time_s) {
-            return Err(lines.error(found, IN_ORDER));
-        }
+        order.add(pose.time_s, |found, expected| lines.error(found, expected));
         if let Err(found) = pose.check() {
             return Err(lines.error(found, "latitudes within ±90° and longitudes within ±360°"));
         }
@@ -148,6 +149,7 @@ fn read(input: &Input) -> Result<Vec<GeographicPose>> {
     if poses.is_empty() {
         return Err(nothing_in(input.path(), "pose"));
     }
+    order.finish()?;
     Ok(poses)
 }
 

@@ -7,11 +7,13 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::left_out::LeftOut;
 use crate::format::log::tables::{read_rows, write_rows};
+use crate::format::poses::order::Order;
 use crate::format::text::lines::Lines;
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{Rotation, Vec3, WorldFromBody};
-use crate::sensor::{Continued, ImuBias, PoseRecord, PoseSigma};
+use crate::sensor::{ImuBias, PoseRecord, PoseSigma};
 
 pub(crate) const TRAJECTORY: Columns = Columns {
     needed: &[
@@ -64,23 +66,22 @@ pub(super) fn rotation(x: f64, y: f64, z: f64, w: f64) -> std::result::Result<Ro
     }
 }
 
-/// What a line with a time before that of the line above should have; one that repeats it is left out.
-pub(super) const IN_ORDER: &str = "times that increase";
 pub(super) const UNIT_QUATERNION: &str = "a unit quaternion qx, qy, qz, qw";
 
-/// Reads a native table.
+/// Reads a native table. Rows with a quaternion of zeros have no pose.
 pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
-    let mut times = Continued::default();
-    read_rows::<23, _>(input, &TRAJECTORY, "pose", |row, table: &Table| {
-        if let Err(found) = times.in_order(row[0]) {
-            return Err(table.error(found, IN_ORDER));
+    let mut order = Order::default();
+    let rows = read_rows::<23, _>(input, &TRAJECTORY, "pose", |row, table: &Table| {
+        if row[4..8] == [0.0; 4] {
+            return Ok(None);
         }
+        order.add(row[0], |found, expected| table.error(found, expected));
         let vector = |i: usize| Vec3::new(row[i], row[i + 1], row[i + 2]);
         let present = |i: usize, n: usize| row[i..i + n].iter().all(|v| !v.is_nan());
         let r = rotation(row[4], row[5], row[6], row[7]).map_err(|length| {
             table.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
         })?;
-        Ok(PoseRecord {
+        Ok(Some(PoseRecord {
             time_s: row[0],
             world_from_body: WorldFromBody::new(r, vector(1)),
             velocity_m_s: present(8, 3).then(|| vector(8)),
@@ -92,8 +93,14 @@ pub(crate) fn read_native(input: &Input) -> Result<Vec<PoseRecord>> {
                 position_m: vector(17),
                 rotation_rad: vector(20),
             }),
-        })
-    })
+        }))
+    })?;
+    order.finish()?;
+    let all = rows.len();
+    let poses: Vec<PoseRecord> = rows.into_iter().flatten().collect();
+    let mut left_out = LeftOut::default();
+    left_out.add_all("with a quaternion of zeros", (all - poses.len()) as u64);
+    left_out.checked(input, poses, "poses", "rows with a pose")
 }
 
 /// Reads lines of `N` numbers with `#` comments; the first number is the time.
@@ -103,17 +110,21 @@ pub(crate) fn read_lines<const N: usize>(
 ) -> Result<Vec<PoseRecord>> {
     let mut lines = Lines::open(input)?;
     let (mut cells, mut row) = (Vec::with_capacity(N), [0.0; N]);
-    let mut times = Continued::default();
+    let mut order = Order::default();
     let mut records: Vec<PoseRecord> = Vec::new();
+    let mut left_out = LeftOut::default();
     let expected = || format!("{N} finite numbers");
-    while lines.next_numbers(&mut cells, |n| n == N, expected)? {
-        row.copy_from_slice(&cells);
-        if let Err(found) = times.in_order(row[0]) {
-            return Err(lines.error(found, IN_ORDER));
+    while lines.next_row(&mut cells, |row| row.len() == N, expected)? {
+        if cells.iter().any(|value| !value.is_finite()) {
+            left_out.add("with values that are no numbers");
+            continue;
         }
+        row.copy_from_slice(&cells);
+        order.add(row[0], |found, expected| lines.error(found, expected));
         records.push(record(&row, &lines)?);
     }
-    Ok(records)
+    order.finish()?;
+    left_out.checked(input, records, "poses", "lines of finite numbers")
 }
 
 /// Writes the native table, which [`read_trajectory`](crate::format::read_trajectory) reads back bit by bit.

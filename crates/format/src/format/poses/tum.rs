@@ -4,14 +4,16 @@
 //! in another order and between other columns, which are passed over. Times too large for seconds of any clock are in
 //! milliseconds, microseconds or nanoseconds.
 
-use super::table::{IN_ORDER, TUM_COLUMNS, UNIT_QUATERNION, rotation};
+use super::order::Order;
+use super::table::{TUM_COLUMNS, UNIT_QUATERNION, rotation};
 use crate::error::Result;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::plausible::unit_of_date;
 use crate::format::text::lines::{Lines, Separator, numbers};
+use crate::format::text::numerals::{DECIMAL_COMMAS, Numerals};
 use crate::geometry::{Vec3, WorldFromBody};
-use crate::sensor::{Continued, PoseRecord};
+use crate::sensor::PoseRecord;
 
 pub(crate) const TUM: Kind = Kind {
     numbers: Some(|line| line.len() == TUM_COLUMNS.len()),
@@ -70,6 +72,7 @@ fn read(input: &Input) -> Result<Vec<PoseRecord>> {
     let (mut order, mut width): (Option<[usize; 8]>, Option<usize>) = (None, None);
     let mut poses = PoseRows::default();
     let mut cells = Vec::new();
+    let mut numerals = Numerals::default();
     while lines.advance()? {
         let text = lines.text();
         let comment = text.strip_prefix(['#', '%']);
@@ -87,7 +90,7 @@ fn read(input: &Input) -> Result<Vec<PoseRecord>> {
         }
         let wanted =
             *width.get_or_insert(order.map_or(8, |_| Separator::of(text).names(text).len()));
-        if !some_numbers(text, &mut cells) || cells.len() != wanted {
+        if !some_numbers(text, &mut numerals, &mut cells) || cells.len() != wanted {
             let found: String = text.chars().take(80).collect();
             return Err(lines.error(format!("`{found}`"), format!("{wanted} finite numbers")));
         }
@@ -95,15 +98,18 @@ fn read(input: &Input) -> Result<Vec<PoseRecord>> {
         let row = order.map(|index| cells.get(index).copied().unwrap_or(f64::NAN));
         poses.push(&row, &lines)?;
     }
-    Ok(poses.finish(input))
+    if numerals.has_decimal_commas {
+        input.remark(DECIMAL_COMMAS);
+    }
+    poses.finish(input)
 }
 
 /// Reads the numbers of a line; NaN stands for a cell that is text, as of a column that is passed over. False if no cell
 /// is a number.
-fn some_numbers(text: &str, into: &mut Vec<f64>) -> bool {
+fn some_numbers(text: &str, numerals: &mut Numerals, into: &mut Vec<f64>) -> bool {
     into.clear();
     let _ = Separator::of(text).split::<()>(text, |_, cell| {
-        into.push(cell.parse().unwrap_or(f64::NAN));
+        into.push(numerals.number(cell).unwrap_or(f64::NAN));
         Ok(())
     });
     into.first().is_some_and(|first| !first.is_nan())
@@ -113,7 +119,7 @@ fn some_numbers(text: &str, into: &mut Vec<f64>) -> bool {
 #[derive(Default)]
 struct PoseRows {
     poses: Vec<PoseRecord>,
-    times: Continued,
+    order: Order,
     /// Unit of the times, seconds, from the first.
     unit_s: Option<f64>,
     /// Rows without a pose, and the line of the first.
@@ -132,9 +138,8 @@ impl PoseRows {
             self.empty += 1;
             return Ok(());
         }
-        if let Err(found) = self.times.in_order(time) {
-            return Err(lines.error(found, IN_ORDER));
-        }
+        self.order
+            .add(time, |found, expected| lines.error(found, expected));
         let rotation = rotation(qx, qy, qz, qw).map_err(|length| {
             lines.error(format!("a quaternion of length {length}"), UNIT_QUATERNION)
         })?;
@@ -145,8 +150,12 @@ impl PoseRows {
         Ok(())
     }
 
-    /// The poses; remarks on rows that were left out and on the unit.
-    fn finish(self, input: &Input) -> Vec<PoseRecord> {
+    /// The poses, in which a few may be out of the order of time; remarks on rows that were left out and on the unit.
+    ///
+    /// # Errors
+    /// As many poses out of the order of time as in it.
+    fn finish(self, input: &Input) -> Result<Vec<PoseRecord>> {
+        self.order.finish()?;
         if self.empty > 0 {
             input.remark(format!(
                 "rows without a pose (values that are not finite, or a quaternion of zeros) left out: {}, the first in line {}",
@@ -159,7 +168,7 @@ impl PoseRows {
             }
             _ => {}
         }
-        self.poses
+        Ok(self.poses)
     }
 }
 
