@@ -209,8 +209,42 @@ const KNOWN: &str = "the columns of an IMU, prism or heading log, of profiles, a
 fn unknown(lines: &Lines, names: &[String]) -> Error {
     match navigation::unstated_angles(names) {
         Some(found) => lines.error(found, navigation::EXPECTED),
-        None => lines.error(listed(names), KNOWN),
+        None => lines.error(listed(names), foreign_log(names).unwrap_or(KNOWN)),
     }
+}
+
+/// What a table of an IMU or of headings with a header of its own should have.
+fn foreign_log(names: &[String]) -> Option<&'static str> {
+    let stems: Vec<String> = names
+        .iter()
+        .map(|name| {
+            name.split(['[', '('])
+                .next()
+                .unwrap_or_default()
+                .trim()
+                .to_lowercase()
+        })
+        .collect();
+    let along_x = |starts: &[&str]| {
+        let is_x = |stem: &String| {
+            starts.iter().any(|start| stem.starts_with(start)) && stem.contains('x')
+        };
+        stems.iter().any(is_x)
+    };
+    if along_x(&["g", "w", "rate", "ang", "omega"]) && along_x(&["a", "lin", "f"]) {
+        return Some(
+            "the header `time_s,gyro_x_rad_s,gyro_y_rad_s,gyro_z_rad_s,accel_x_m_s2,accel_y_m_s2,accel_z_m_s2` if it is the \
+             log of an IMU, also with the ends `_deg_s` and `_g`",
+        );
+    }
+    let is_heading = |stem: &String| {
+        ["heading", "azimuth", "hdg"]
+            .iter()
+            .any(|word| stem.contains(word))
+    };
+    stems.iter().any(is_heading).then_some(
+        "the header `time_s,heading_deg` if it is a log of headings, clockwise from north",
+    )
 }
 
 fn listed(names: &[String]) -> String {

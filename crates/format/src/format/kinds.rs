@@ -26,6 +26,7 @@ pub(crate) const KINDS: [&Kind; 47] = [
     &log::novatel::LOG,
     &log::gpx::TRACK,
     &poses::pospac::EXPORT,
+    &poses::inertial_explorer::EXPORT,
     &log::kitti::OXTS_TIMES,
     &log::sbg_text::EXPORT,
     &profiles::gocator_csv::EXPORT,
@@ -52,6 +53,7 @@ pub(crate) const KINDS: [&Kind; 47] = [
     &profiles::table::PROFILE_TABLE,
     &log::tables::HEADING_TABLE,
     &cloud::xyz_table::XYZ_TABLE,
+    &cloud::xyz_table::TIMED_TABLE,
     &cloud::table::XYZ,
 ];
 

@@ -1,7 +1,7 @@
 //! The header of a cloud in a text of another program, and its rows.
 
 use crate::error::Result;
-use crate::format::cloud::names::{Meaning, is_cloud, meaning};
+use crate::format::cloud::names::{Meaning, has_places, meaning, unit_factor};
 use crate::format::text::civil::unix_from_iso;
 use crate::format::text::lines::{Lines, Separator, without_trailer};
 use crate::format::text::numerals::Numerals;
@@ -20,7 +20,11 @@ pub(super) struct Header {
 }
 
 impl Header {
-    fn of(lines: &Lines, names: Vec<String>, separator: Separator) -> Result<Self> {
+    fn of(lines: &Lines, mut names: Vec<String>, separator: Separator) -> Result<Self> {
+        // A separator behind the last name.
+        if names.last().is_some_and(String::is_empty) {
+            names.pop();
+        }
         let mut slots: Vec<Slot> = names
             .iter()
             .map(|name| meaning(name).map_err(|unit| lines.error(unit, "m, mm, cm, km or ft")))
@@ -52,6 +56,26 @@ impl Header {
         })
     }
 
+    /// Takes a line with the units of the columns; false, and nothing changes, if it is none.
+    pub(super) fn take_units(&mut self, text: &str) -> bool {
+        let units = self.separator.names(text);
+        if units.len() != self.names.len() {
+            return false;
+        }
+        let mut slots = self.slots.clone();
+        for (slot, unit) in slots.iter_mut().zip(&units) {
+            match slot {
+                Some((Meaning::Intensity, _)) | None => {}
+                Some((_, factor)) => match unit_factor(unit) {
+                    Some(of_unit) => *factor = of_unit,
+                    None => return false,
+                },
+            }
+        }
+        self.slots = slots;
+        true
+    }
+
     /// The names of the columns that are not read.
     pub(super) fn left_out(&self) -> Option<String> {
         let columns = self.names.iter().zip(&self.slots);
@@ -81,7 +105,7 @@ impl Header {
             let value = number.filter(|value| !value.is_infinite()).ok_or_else(|| {
                 let shown: String = cell.chars().take(40).collect();
                 let found = format!("`{shown}` in column {}", self.names[at]);
-                (found, "a number".to_owned())
+                (found, numerals.wanted(cell).to_owned())
             })?;
             row[*meaning as usize] = factor * value;
             Ok(())
@@ -143,7 +167,7 @@ pub(super) fn headers(lines: &Lines, title: &str) -> Vec<Result<Header>> {
     let usual = Some(Separator::of(title)).filter(|usual| Some(*usual) != tab);
     let both = [tab, usual].into_iter().flatten();
     let both = both.map(|separator| (separator, separator.names(title)));
-    both.filter(|(_, names)| is_cloud(names))
+    both.filter(|(_, names)| has_places(names))
         .map(|(separator, names)| Header::of(lines, names, separator))
         .collect()
 }

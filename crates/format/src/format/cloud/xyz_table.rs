@@ -6,19 +6,21 @@
 //! be metres unless the header names a unit in brackets, and the columns `GpsTime`, `gps_time`, `time` or `time_s`
 //! seconds, or dates with times of UTC. `Intensity` is read too; other columns are left out.
 //!
-//! A table that begins with its time and has no intensity may be a log of positions, and a table with angles or a
-//! quaternion may be a log of poses: neither is accepted as a cloud.
+//! A table that begins with its time and has no intensity is a log of positions, which may also be read as a cloud. A
+//! table with angles or a quaternion may be a log of poses, and is not accepted. A row of units may follow the header.
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
 use crate::format::cloud::gathering::Gathering;
-use crate::format::cloud::names::is_cloud;
-use crate::format::cloud::xyz_header::{Header, fitting, headers};
+use crate::format::cloud::names::{is_cloud, is_timed};
+use crate::format::cloud::xyz_header::{Header, VALUES, fitting, headers};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
+use crate::format::left_out::LeftOut;
 use crate::format::text::lines::Lines;
-use crate::format::text::numerals::Numerals;
-use crate::geometry::Vec3;
+use crate::format::text::numerals::{DECIMAL_COMMAS, Numerals};
+use crate::geometry::{Vec3, is_finite};
+use crate::sensor::{Observations, PositionFix, Positions};
 
 pub(crate) const XYZ_TABLE: Kind = Kind {
     header: Some(is_cloud),
@@ -29,6 +31,14 @@ pub(crate) const XYZ_TABLE: Kind = Kind {
     ..Kind::new("xyz-csv", "cloud (text with the columns x, y, z)")
 };
 
+pub(crate) const TIMED_TABLE: Kind = Kind {
+    header: Some(is_timed),
+    positions: Some(read_positions),
+    cloud: Some(read),
+    frame: XYZ_TABLE.frame,
+    ..Kind::new("xyz-prism-csv", "position log (text with time, x, y, z)")
+};
+
 /// The text after the mark of a comment.
 fn comment(text: &str) -> Option<&str> {
     text.strip_prefix('#').or_else(|| text.strip_prefix("//"))
@@ -37,13 +47,52 @@ fn comment(text: &str) -> Option<&str> {
 /// Reads a cloud.
 ///
 /// # Errors
+/// Those of [`each_row`].
+fn read(input: &Input) -> Result<PointCloud> {
+    let mut gathering = Gathering::new(input);
+    each_row(input, |[x, y, z, time_s, intensity, seen_from @ ..]| {
+        gathering.push(Vec3::new(x, y, z), time_s, intensity);
+        gathering.seen_from(Vec3::from(seen_from));
+    })?;
+    gathering.finish()
+}
+
+/// Reads a log of positions.
+///
+/// # Errors
+/// Those of [`each_row`], polar observations, no position, more rows without a position or a time than others.
+fn read_positions(input: &Input, observations: &Observations) -> Result<Positions> {
+    if matches!(observations, Observations::Polar(_)) {
+        return Err(Error::format(
+            input.path(),
+            Location::Whole,
+            "coordinates",
+            "polar observations, since the project gives station_orientation_deg",
+        ));
+    }
+    let mut fixes = Vec::new();
+    let mut left_out = LeftOut::default();
+    each_row(input, |[x, y, z, time_s, ..]| {
+        let position_m = Vec3::new(x, y, z);
+        if time_s.is_finite() && is_finite(&position_m) {
+            fixes.push(PositionFix::with_sigma(time_s, position_m, None));
+        } else {
+            left_out.add("without a time or a coordinate");
+        }
+    })?;
+    let fixes = left_out.checked(input, fixes, "positions", "rows of time, x, y, z")?;
+    Ok(Positions::of(fixes))
+}
+
+/// Reads the rows of a table.
+///
+/// # Errors
 /// A line with another number of values than the header, a repeated column, a number of points other than the file
 /// announces.
-fn read(input: &Input) -> Result<PointCloud> {
+fn each_row(input: &Input, mut each: impl FnMut([f64; VALUES])) -> Result<()> {
     let mut lines = Lines::open(input)?;
     let (mut titles, mut header) = (Vec::new(), None);
     let mut announced: Option<u64> = None;
-    let mut gathering = Gathering::new(input);
     let mut numerals = Numerals::default();
     let mut rows = 0u64;
     while lines.advance()? {
@@ -64,6 +113,13 @@ fn read(input: &Input) -> Result<PointCloud> {
                 announced = Some(count);
                 continue;
             }
+            if titles
+                .iter_mut()
+                .flatten()
+                .any(|header| header.take_units(title))
+            {
+                continue;
+            }
         }
         if comment(text).is_some() {
             continue;
@@ -76,10 +132,7 @@ fn read(input: &Input) -> Result<PointCloud> {
             return Err(lines.error(format!("`{found}`"), "a header with x, y, z"));
         };
         let row = header.any_row(text, &mut numerals);
-        let [x, y, z, time_s, intensity, seen_from @ ..] =
-            row.map_err(|(found, expected)| lines.error(found, expected))?;
-        gathering.push(Vec3::new(x, y, z), time_s, intensity);
-        gathering.seen_from(Vec3::from(seen_from));
+        each(row.map_err(|(found, expected)| lines.error(found, expected))?);
         rows += 1;
     }
     if let Some(n) = announced.filter(|n| *n != rows) {
@@ -91,12 +144,12 @@ fn read(input: &Input) -> Result<PointCloud> {
         ));
     }
     if numerals.has_decimal_commas {
-        input.remark("commas are read as decimal marks".to_owned());
+        input.remark(DECIMAL_COMMAS);
     }
     if let Some(remark) = header.as_ref().and_then(Header::left_out) {
         input.remark(remark);
     }
-    gathering.finish()
+    Ok(())
 }
 
 #[cfg(test)]
@@ -175,7 +228,6 @@ mod tests {
     #[test]
     fn other_tables_are_not_clouds() {
         for text in [
-            "time,x,y,z\n1,2,3,4\n",
             "x,y,z,roll,pitch,yaw\n1,2,3,4,5,6\n",
             "x y z qx qy qz qw\n1 2 3 0 0 0 1\n",
             "x,z\n1,2\n",
@@ -189,6 +241,55 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             assert!(detect(&path).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn positions_with_times_are_a_log_and_a_cloud() {
+        for header in [
+            "time,x,y,z",
+            "time_s,X,Y,Z",
+            "Timestamp [s];East_m;North_m;Up_m;Code",
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.csv");
+            let cells = |cells: [&str; 5]| {
+                let columns = Separator::of(header).names(header).len();
+                cells[..columns].join(if header.contains(';') { ";" } else { "," })
+            };
+            let rows = [
+                ["1", "2", "3", "4", "7"],
+                ["nan", "5", "6", "7", "7"],
+                ["3", "4", "5", "6", "7"],
+            ];
+            let rows = rows.map(cells).join("\n");
+            std::fs::write(&path, format!("{header}\n{rows}\n")).unwrap();
+            assert_eq!(detect(&path).unwrap().id(), "xyz-prism-csv");
+            assert_eq!(read_cloud(&path).unwrap().points.len(), 3);
+            let input = Input::from(&path);
+            let found = read_positions(&input, &Observations::AsFound)
+                .unwrap()
+                .fixes;
+            assert_eq!([found[0].time_s, found[1].position_m.z], [1.0, 6.0]);
+            assert!(input.remarks().join("\n").contains("1 without a time"));
+        }
+    }
+
+    #[test]
+    fn units_and_marks_behind_the_header_are_understood() {
+        for text in [
+            "X[US survey feet],Y[US survey feet],Z[US survey feet]\n3937,0,0\n",
+            "x;y;z;\n1200;0;0\n",
+            "x,y,z\n[mm],[mm],[mm]\n1200000,0,0\n",
+            "Point,North,East,Elev.,Code\nA,0,1200,0,B7\n",
+        ] {
+            let found = cloud("a.txt", text).unwrap();
+            assert!(
+                (found.points[0] - Vec3::new(1200.0, 0.0, 0.0)).norm() < 1e-9,
+                "{text}"
+            );
+        }
+        let found = cloud("a.txt", "x,y,z,time_ns\n1,2,3,1700000000100000000\n").unwrap();
+        assert!((found.time_s[0] - 1_700_000_000.1).abs() < 1e-6);
     }
 
     #[test]

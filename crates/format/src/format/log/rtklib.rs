@@ -167,7 +167,7 @@ fn fix(line: &str, layout: Layout) -> Option<GeographicFix> {
 
 fn looks_like(start: &Start<'_>) -> bool {
     let mut layout = Layout::default();
-    for line in start.bytes.split(|byte| *byte == b'\n') {
+    for line in start.bytes.split(|byte| matches!(byte, b'\r' | b'\n')) {
         let line = String::from_utf8_lossy(line);
         let line = line.trim_start_matches('\u{feff}').trim_ascii();
         if line.starts_with('%') {

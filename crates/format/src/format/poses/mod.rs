@@ -1,6 +1,7 @@
 //! Trajectories.
 
 pub(super) mod bonn_trajectory;
+pub(super) mod inertial_explorer;
 pub(super) mod navigation;
 pub(super) mod order;
 pub(super) mod pospac;
