@@ -13,6 +13,8 @@ pub(crate) struct Fields {
     xyz: [usize; 3],
     intensity: Option<usize>,
     time: Option<usize>,
+    /// Whether times are numbers of 32 bits.
+    is_time_single: bool,
     viewpoint: Option<[usize; 3]>,
     remarks: Vec<String>,
 }
@@ -74,6 +76,7 @@ impl Fields {
             xyz,
             intensity,
             time,
+            is_time_single: time.is_some_and(|at| matches!(types[at], Number::F32)),
             viewpoint,
             remarks,
         })
@@ -93,7 +96,10 @@ impl Fields {
     ///
     /// # Errors
     /// Those of [`Gathering::finish`].
-    pub(crate) fn finish(self, gathering: Gathering<'_>) -> Result<PointCloud> {
+    pub(crate) fn finish(self, mut gathering: Gathering<'_>) -> Result<PointCloud> {
+        if self.is_time_single {
+            gathering.check_single_times();
+        }
         for remark in self.remarks {
             gathering.input().remark(remark);
         }

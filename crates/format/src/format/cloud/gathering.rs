@@ -7,6 +7,10 @@ use crate::format::input::Input;
 use crate::format::plausible::check_point;
 use crate::geometry::{Vec3, is_finite};
 
+/// Steps of times that are worth a word, and steps in which no time is left, seconds.
+const COARSE_S: f64 = 1e-3;
+const USELESS_S: f64 = 1.0;
+
 /// Collects the points of a file; the input remarks what is left out of them.
 pub(crate) struct Gathering<'a> {
     input: &'a Input,
@@ -86,6 +90,36 @@ impl<'a> Gathering<'a> {
         }
     }
 
+    /// Says how coarse times are that were numbers of 32 bits, and leaves them out if they are useless. Numbers that
+    /// were written in decimals are exact.
+    pub(crate) fn check_single_times(&mut self) {
+        let times_s = self
+            .cloud
+            .time_s
+            .iter()
+            .copied()
+            .filter(|time_s| !time_s.is_nan());
+        let latest_s = times_s.clone().map(f64::abs).fold(0.0, f64::max);
+        let latest = latest_s as f32;
+        let step_s = f64::from(latest.next_up() - latest);
+        if step_s < COARSE_S
+            || times_s
+                .clone()
+                .any(|time_s| f64::from(time_s as f32) != time_s)
+        {
+            return;
+        }
+        let what =
+            format!("times near {latest_s:.0} s as numbers of 32 bits have steps of {step_s} s");
+        if step_s < USELESS_S {
+            self.input.remark(what);
+        } else {
+            self.input
+                .remark(format!("{what} and are left out: write them as `double`"));
+            self.cloud.time_s.fill(f64::NAN);
+        }
+    }
+
     /// Number of points so far.
     pub(crate) fn len(&self) -> usize {
         self.cloud.points.len()
@@ -144,7 +178,7 @@ pub(crate) fn counted(count: u64, thing: &str) -> String {
 }
 
 /// Remarks on columns with gaps.
-fn gaps(cloud: &PointCloud) -> Vec<String> {
+pub(crate) fn gaps(cloud: &PointCloud) -> Vec<String> {
     let points = cloud.points.len();
     let times = cloud.time_s.iter().filter(|v| v.is_nan()).count();
     let intensities = cloud.intensity.iter().filter(|v| v.is_nan()).count();

@@ -1,4 +1,4 @@
-//! NumPy `.npy`: an array of shape (n, 3 or more) or (3, n), or records with the fields x, y and z.
+//! NumPy `.npy`: an array of shape (n, 3 or more) or, with few rows, (3 or more, n), or records with the fields x, y and z.
 
 use crate::cloud::PointCloud;
 use crate::error::Result;
@@ -20,6 +20,10 @@ pub(crate) const NPY: Kind = Kind {
     ..Kind::new("npy", "cloud (NumPy)")
 };
 
+/// Most rows of an array in which points may be columns.
+const MOST_FIELDS: usize = 16;
+/// Most bytes of a record.
+const MOST_RECORD: usize = 1 << 20;
 /// Most bytes of a header: structured types of a thousand fields have less.
 const MOST_HEADER: usize = 1 << 16;
 
@@ -28,6 +32,8 @@ const MOST_HEADER: usize = 1 << 16;
 struct Item {
     kind: Number,
     big_endian: bool,
+    /// Of a field, bytes after the start of its record.
+    offset: usize,
 }
 
 /// The description of the array.
@@ -35,6 +41,8 @@ struct Header {
     /// Names and types of the fields; one without a name if the array has no fields.
     fields: Vec<(String, Item)>,
     is_structured: bool,
+    /// Bytes of a record, or of a number if there are no records.
+    record_size: usize,
     is_fortran: bool,
     shape: Vec<u64>,
 }
@@ -86,32 +94,45 @@ fn records(
 ) -> Result<PointCloud> {
     let names: Vec<String> = header.fields.iter().map(|(name, _)| name.clone()).collect();
     let types: Vec<Number> = header.fields.iter().map(|(_, item)| item.kind).collect();
+    let is_raw = |axis: &str| {
+        let mut fields = header.fields.iter();
+        fields.any(|(name, item)| name == axis && matches!(item.kind, Number::I32))
+    };
+    if ["X", "Y", "Z"].into_iter().all(is_raw) {
+        return Err(bytes.error(
+            "X, Y and Z as whole numbers of 32 bits, as in the records of LAS files, without their scale and offset",
+            "coordinates: the array `las.xyz` of laspy, or the LAS file itself",
+        ));
+    }
     let fields = Fields::of(&names, &types).ok_or_else(|| unsupported(bytes))?;
-    let length: usize = types.iter().map(|kind| kind.size()).sum();
+    let length = header.record_size;
     bytes.check(n.saturating_mul(length as u64), "records")?;
     let mut gathering = Gathering::new(input);
     let mut record = vec![0; length];
     let mut values = vec![0.0; types.len()];
     for _ in 0..n {
         bytes.take(&mut record, "a record")?;
-        let mut at = 0;
         for (value, (_, item)) in values.iter_mut().zip(&header.fields) {
-            *value = item.kind.read(&record[at..], item.big_endian);
-            at += item.kind.size();
+            *value = item.kind.read(&record[item.offset..], item.big_endian);
         }
         fields.push(&values, &mut gathering);
     }
     fields.finish(gathering)
 }
 
-/// Reads an array of numbers, in which points are rows or, if it has three rows, columns.
+/// Reads an array of numbers, in which points are rows or, if it has few of them, columns.
 fn table(
     input: &Input,
     bytes: &mut Bytes,
     header: &Header,
     [rows, columns]: [u64; 2],
 ) -> Result<PointCloud> {
-    let (_, Item { kind, big_endian }) = header.fields[0];
+    let (
+        _,
+        Item {
+            kind, big_endian, ..
+        },
+    ) = header.fields[0];
     let count = rows.saturating_mul(columns);
     bytes.check(count.saturating_mul(kind.size() as u64), "coordinates")?;
     let mut numbers = Vec::with_capacity(count as usize);
@@ -137,23 +158,28 @@ fn table(
         (0..columns).map(column).collect()
     };
     let mut gathering = Gathering::new(input);
-    let points = match (rows, columns) {
-        (3, 3..=MOST_COLUMNS) => {
+    let may_be_columns = columns > rows || columns == 3;
+    let (points, is_by_rows) = match (rows, columns) {
+        (3..=MOST_FIELDS, 3..=MOST_COLUMNS) if may_be_columns => {
             let (by_rows, by_columns) = (as_rows(), as_columns());
             let is_by_rows = extent(&by_rows) <= extent(&by_columns);
             input.remark(format!(
-                "points may be the rows or the columns of an array of shape (3, {columns}): the {} lie closer together \
-                 and are taken for points",
+                "points may be the rows or the columns of an array of shape ({rows}, {columns}): the {} lie closer \
+                 together and are taken for points",
                 if is_by_rows { "rows" } else { "columns" }
             ));
-            if is_by_rows { by_rows } else { by_columns }
+            (if is_by_rows { by_rows } else { by_columns }, is_by_rows)
         }
-        (3, _) => as_columns(),
-        _ => as_rows(),
+        (3, _) => (as_columns(), false),
+        (4..=MOST_FIELDS, _) if columns > MOST_COLUMNS => (as_columns(), false),
+        _ => (as_rows(), true),
     };
-    if points.len() == rows
-        && let Some(remark) = unnamed(columns)
-    {
+    if let Some(remark) = unnamed(if is_by_rows { columns } else { rows }) {
+        let remark = if is_by_rows {
+            remark
+        } else {
+            remark.replace("column", "row")
+        };
         input.remark(remark);
     }
     for point in points {
@@ -180,35 +206,48 @@ fn header(text: &str) -> Option<Header> {
     let shape = shape.split(',').map(str::trim).filter(|n| !n.is_empty());
     let shape = shape.map(|n| n.parse().ok()).collect::<Option<_>>()?;
     let descr = after("descr")?;
-    let (fields, is_structured) = match descr.strip_prefix('[') {
+    let (fields, is_structured, record_size) = match descr.strip_prefix('[') {
         None => {
             let (kind, _) = descr.strip_prefix('\'')?.split_once('\'')?;
-            (vec![(String::new(), item(kind)?)], false)
+            let item = item(kind, 0)?;
+            (vec![(String::new(), item)], false, item.kind.size())
         }
         Some(list) => {
             let (list, _) = list.split_once(']')?;
-            let tuples = list.split('(').skip(1);
-            let field = |tuple: &str| {
+            let mut fields = Vec::new();
+            let mut offset = 0usize;
+            for tuple in list.split('(').skip(1) {
                 let mut quoted = tuple.split('\'').skip(1).step_by(2);
                 let (name, kind) = (quoted.next()?, quoted.next()?);
                 // A third element would be the shape of an array in the field.
                 let (_, rest) = tuple.rsplit_once('\'')?;
                 let is_single = rest.trim_start().starts_with(')');
-                Some((name.to_owned(), item(kind).filter(|_| is_single)?))
-            };
-            (tuples.map(field).collect::<Option<_>>()?, true)
+                // Bytes that align the next field have no name.
+                let padding = kind.strip_prefix("|V").filter(|_| name.is_empty());
+                let size = match padding {
+                    Some(bytes) => bytes.parse().ok().filter(|size| *size <= MOST_HEADER)?,
+                    None => {
+                        let item = item(kind, offset).filter(|_| is_single)?;
+                        fields.push((name.to_owned(), item));
+                        item.kind.size()
+                    }
+                };
+                offset = Some(offset + size).filter(|offset| *offset <= MOST_RECORD)?;
+            }
+            (fields, true, offset)
         }
     };
     Some(Header {
         fields,
         is_structured,
+        record_size,
         is_fortran: after("fortran_order")?.starts_with("True"),
         shape,
     })
 }
 
-/// The number type that NumPy writes as `<f8`.
-fn item(text: &str) -> Option<Item> {
+/// The number type that NumPy writes as `<f8`, at this byte of a record.
+fn item(text: &str, offset: usize) -> Option<Item> {
     let big_endian = match text.get(..1)? {
         "<" | "|" => false,
         ">" => true,
@@ -227,5 +266,9 @@ fn item(text: &str) -> Option<Item> {
         "f8" => Number::F64,
         _ => return None,
     };
-    Some(Item { kind, big_endian })
+    Some(Item {
+        kind,
+        big_endian,
+        offset,
+    })
 }
