@@ -14,7 +14,7 @@
 //! named in the project. Points that are not finite, or zero in all coordinates, were not measured.
 
 use super::messages::{LaserScan, PointCloud2};
-use super::timed::TimedPoints;
+use super::timed::{Lost, TimedPoints};
 use super::wire::{Decoded, Fault};
 use crate::format::binary::Number;
 use crate::format::input::PointTimes;
@@ -38,8 +38,12 @@ const TIME_NAMES: [&str; 10] = [
 const SECONDS_NAMES: [&str; 2] = ["utc_time", "ms_time"];
 /// Parts of the names of other fields that tell of a time.
 const TIME_WORDS: [&str; 5] = ["time", "stamp", "nsec", "usec", "msec"];
+/// Beginnings of them.
+const TIME_STARTS: [&str; 2] = ["t_", "ts"];
 /// The names of intensity fields; an earlier name is preferred.
 const INTENSITY_NAMES: [&str; 2] = ["intensity", "reflectivity"];
+/// One in so many points of a cloud may have a wild time.
+const FEW_WILD: usize = 4;
 /// More seconds than the points of any cloud span.
 const LONGEST_CLOUD_S: f64 = 10.0;
 
@@ -182,6 +186,7 @@ impl<'a> PointCloud2<'a> {
         let tells = |field: &&super::messages::Field<'_>| {
             let name = String::from_utf8_lossy(field.name).to_lowercase();
             TIME_WORDS.iter().any(|word| name.contains(word))
+                || TIME_STARTS.iter().any(|start| name.starts_with(start))
         };
         match self.fields.iter().find(tells) {
             None => Ok(()),
@@ -222,47 +227,59 @@ impl<'a> PointCloud2<'a> {
         }
         let fraction = milliseconds.filter(|_| time.is_some_and(|t| t.name == SECONDS_NAMES[0]));
         let mut points = Vec::with_capacity(count);
+        let mut lost = Lost::default();
         for record in records {
             let [x, y, z] = axes.map(|axis| axis.value_in(record));
             let position_m = Vec3::new(x, y, z);
-            if !crate::geometry::is_finite(&position_m) || position_m == Vec3::zeros() {
+            if !crate::geometry::is_finite(&position_m) {
+                lost.unplaced += 1;
+                continue;
+            }
+            if position_m == Vec3::zeros() {
+                lost.at_scanner += 1;
                 continue;
             }
             let fraction_s = fraction.map_or(0.0, |field| 1e-3 * field.value_in(record));
+            // In the unit of the file until all times are known.
+            let time_s = time.map_or(0.0, |time| time.value_in(record)) + fraction_s;
+            if !time_s.is_finite() {
+                lost.untimed += 1;
+                continue;
+            }
             points.push(ScanPoint {
-                // In the unit of the file until all times are known.
-                time_s: time.map_or(0.0, |time| time.value_in(record)) + fraction_s,
+                time_s,
                 position_m,
                 intensity: intensity.map_or(0.0, |field| field.value_in(record) as f32),
             });
         }
-        let (wrapped, is_in_ns) = match time {
+        let mut converted = Converted::default();
+        match time {
             Some(time) if fraction.is_none() => {
-                self.convert_times(time, how.unit_s, &mut points)?
+                converted = self.convert_times(time, how.unit_s, &mut points)?;
             }
-            Some(_) => (0, false),
-            None => {
-                points.iter_mut().for_each(|p| p.time_s = self.time_s);
-                (0, false)
-            }
-        };
+            Some(_) => {}
+            None => points.iter_mut().for_each(|p| p.time_s = self.time_s),
+        }
+        lost.untimed += leave_out_wild(&mut points);
         // Rows are often the rings of the scanner, which measure at the same time.
         points.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let mut timed = TimedPoints::of(points);
-        timed.wrapped = wrapped;
-        timed.lasts_s = timed.lasts_s.filter(|_| is_in_ns);
-        timed.are_alike = !is_timeless && timed.has_one_time();
+        timed.wrapped = converted.wrapped;
+        timed.lasts_s = converted.lasts_s;
+        timed.are_alike = !is_timeless
+            && timed.has_one_time()
+            && converted.lasts_s.is_none_or(|lasts_s| lasts_s == 0.0);
+        timed.lost = lost;
         Ok(timed)
     }
 
-    /// Converts the times of the points from those of the file to seconds. Returns the number of times that lie before
-    /// the stamp as numbers without a sign, and whether the times are taken for nanoseconds.
+    /// Converts the times of the points from those of the file to seconds.
     fn convert_times(
         &self,
         time: PointField<'_>,
         unit_s: Option<f64>,
         points: &mut [ScanPoint],
-    ) -> Decoded<(usize, bool)> {
+    ) -> Decoded<Converted> {
         let mut wrapped = 0;
         if matches!(time.number, Number::U32) {
             const HALF: f64 = (1u64 << 31) as f64;
@@ -271,9 +288,11 @@ impl<'a> PointCloud2<'a> {
                 wrapped += 1;
             }
         }
-        let highest = points.iter().map(|p| p.time_s.abs());
-        // `f64::max` would skip NaN.
-        let highest = highest.fold(0.0, |a: f64, b| if b > a || b.is_nan() { b } else { a });
+        let mut sizes: Vec<f64> = points.iter().map(|p| p.time_s.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        // Without those that may be wild.
+        let highest = sizes.len().checked_sub(1 + sizes.len() / FEW_WILD);
+        let highest = highest.map_or(0.0, |at| sizes[at]);
         let unit = match (unit_s, time.number) {
             (Some(unit_s), _) if highest * unit_s <= LONGEST_CLOUD_S => Some((self.time_s, unit_s)),
             (Some(unit_s), _) => Some((0.0, unit_s)),
@@ -294,12 +313,45 @@ impl<'a> PointCloud2<'a> {
                  10 s, or absolute times as FLOAT64; or `point_time_unit` of the scanner in the project",
             ));
         };
+        // Beside a stamp since 1970, f64 does not resolve nanoseconds.
+        let times = points.iter().map(|point| point.time_s);
+        let lasts =
+            times.clone().fold(f64::NEG_INFINITY, f64::max) - times.fold(f64::INFINITY, f64::min);
         for point in points {
             point.time_s = zero_s + point.time_s * unit_s;
         }
-        let is_in_ns = matches!(time.number, Number::I32 | Number::U32);
-        Ok((wrapped, is_in_ns))
+        let is_in_ns = matches!(time.number, Number::I32 | Number::U32) && unit_s == 1e-9;
+        Ok(Converted {
+            wrapped,
+            lasts_s: is_in_ns.then_some(lasts * unit_s),
+        })
     }
+}
+
+/// What was found when times were converted.
+#[derive(Debug, Clone, Copy, Default)]
+struct Converted {
+    /// Number of times that lie before the stamp as numbers without a sign.
+    wrapped: usize,
+    /// From the first to the last, seconds, if they were taken for nanoseconds.
+    lasts_s: Option<f64>,
+}
+
+/// Leaves out the few points with times far from those of the others, and returns their number; if there are many,
+/// none.
+fn leave_out_wild(points: &mut Vec<ScanPoint>) -> u64 {
+    let mut times: Vec<f64> = points.iter().map(|point| point.time_s).collect();
+    times.sort_by(f64::total_cmp);
+    let Some(middle_s) = times.get(times.len() / 2) else {
+        return 0;
+    };
+    let is_wild = |point: &ScanPoint| (point.time_s - middle_s).abs() > LONGEST_CLOUD_S;
+    let wild = points.iter().filter(|point| is_wild(point)).count();
+    if wild > points.len() / FEW_WILD {
+        return 0;
+    }
+    points.retain(|point| !is_wild(point));
+    wild as u64
 }
 
 /// The unit, in seconds, that brings an absolute time near `stamp_s`. If the clocks differ, the

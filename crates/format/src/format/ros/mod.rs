@@ -25,6 +25,7 @@ mod rows;
 mod salvage;
 mod split;
 mod sqlite;
+mod stamps;
 mod timed;
 mod walk;
 mod wire;

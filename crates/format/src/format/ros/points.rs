@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use super::bag::{LeftOut, Messages, Topic};
 use super::messages::{LaserScan, PointCloud2};
-use super::timed::TimedPoints;
+use super::stamps::{Stamps, WRONG_STEP_S};
+use super::timed::{Lost, TimedPoints};
 use super::wire::Fault;
 use crate::error::{Error, Result};
 use crate::format::file::{CHUNK_POINTS, nothing_in};
@@ -17,14 +18,13 @@ pub(super) const TYPES: [&str; 2] = [PointCloud2::TYPE, LaserScan::TYPE];
 
 /// Number of clouds that are known ahead of the one whose points are returned.
 const AHEAD: usize = 3;
-/// A stamp that steps by so much more or less than the times of recording is wrong, seconds.
-const WRONG_STEP_S: f64 = 3600.0;
 /// Scanners measure for a tenth of the interval between their clouds or longer, up to half as long again where they
 /// overlap.
 const USUAL_SHARES: std::ops::Range<f64> = 0.1..1.5;
 
 /// A cloud or scan of the topic.
 struct Cloud {
+    stamp_s: f64,
     /// By how much its stamp is later than the time of recording, seconds.
     offset_s: f64,
     timed: TimedPoints,
@@ -47,6 +47,10 @@ pub(super) struct BagPoints {
     /// Whether the unit of the times of points was checked.
     is_unit_checked: bool,
     left_out: LeftOut,
+    /// Stamps of clouds that were used.
+    stamps: Stamps,
+    /// Points that were not measured or have no time.
+    lost: Lost,
     /// Clouds that were used.
     used: u64,
     /// Points held back, in time order after `returned`.
@@ -72,6 +76,8 @@ impl BagPoints {
             lasted_s: None,
             is_unit_checked: input.point_times().unit_s.is_some(),
             left_out: LeftOut::default(),
+            stamps: Stamps::default(),
+            lost: Lost::default(),
             used: 0,
             waiting: Vec::new(),
             returned: 0,
@@ -107,10 +113,13 @@ impl BagPoints {
                     self.check_unit(stamp_s, &timed)?;
                     self.remark(&timed);
                     let fault = Fault::new(
-                        format!("the stamp {stamp_s} s, out of order"),
+                        format!(
+                            "the stamp {stamp_s} s, out of order or at the place of another cloud"
+                        ),
                         "clouds in time order",
                     );
                     self.ahead.push_back(Cloud {
+                        stamp_s,
                         offset_s: stamp_s - self.messages.recorded_s(),
                         timed,
                         error: self.messages.error(fault),
@@ -124,7 +133,8 @@ impl BagPoints {
     }
 
     /// Remarks on what the times of a cloud leave open.
-    fn remark(&self, timed: &TimedPoints) {
+    fn remark(&mut self, timed: &TimedPoints) {
+        self.lost += timed.lost;
         let topic = &self.messages.topic().name;
         let input = self.messages.walk().input();
         if timed.are_alike {
@@ -153,15 +163,20 @@ impl BagPoints {
         };
         let between_s = stamp_s - before_s;
         self.is_unit_checked = true;
-        if !USUAL_SHARES.contains(&(1e3 * lasted_s.min(lasts_s) / between_s)) {
+        let longer = [(1e3, "microseconds", "us"), (1e6, "milliseconds", "ms")];
+        let fits = |(factor, ..): &(f64, &str, &str)| {
+            USUAL_SHARES.contains(&(factor * lasted_s.min(lasts_s) / between_s))
+        };
+        let Some((_, unit, key)) = longer.into_iter().find(fits) else {
             return Ok(());
-        }
+        };
         let found = format!(
-            "times of points that last {:.6} s in clouds {between_s:.3} s apart, taken for nanoseconds",
-            lasts_s
+            "times of points that last {lasts_s:.9} s in clouds {between_s:.3} s apart, taken for nanoseconds"
         );
-        let expected = "the unit of the times of points, as they may be microseconds: `point_time_unit` of the scanner in the \
-                        project, \"us\" or \"ns\"";
+        let expected = format!(
+            "the unit of the times of points, as they may be {unit}: `point_time_unit` of the scanner in the project, \
+             \"{key}\" or \"ns\""
+        );
         Err(self.messages.error(Fault::asked(found, expected)))
     }
 
@@ -184,11 +199,16 @@ impl BagPoints {
         let Some(cloud) = self.ahead.pop_front() else {
             self.is_at_end = true;
             self.due = self.waiting.len();
+            self.lost
+                .remark(self.messages.walk().input(), &self.messages.topic().name);
             return self.left_out.finish(&self.messages, self.used);
         };
         let first_s = cloud.timed.points.first().map(|point| point.time_s);
         let is_in_order = first_s.is_none_or(|first_s| first_s >= self.last_time_s);
-        if is_in_order && self.is_stamp_right(cloud.offset_s) {
+        let ahead_s: Vec<f64> = self.ahead.iter().map(|cloud| cloud.stamp_s).collect();
+        let is_placed = !self.stamps.is_wrong(cloud.stamp_s, &ahead_s);
+        if is_in_order && is_placed && self.is_stamp_right(cloud.offset_s) {
+            self.stamps.push(cloud.stamp_s);
             self.offset_s = Some(cloud.offset_s);
             self.used += 1;
             self.waiting.extend(cloud.timed.points);

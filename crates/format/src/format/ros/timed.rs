@@ -1,6 +1,53 @@
 //! Points with what is known of their times.
 
+use std::ops::AddAssign;
+
+use crate::format::cloud::gathering::counted;
+use crate::format::input::Input;
 use crate::sensor::ScanPoint;
+
+/// Numbers of points that are left out.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Lost {
+    /// Without finite coordinates.
+    pub(super) unplaced: u64,
+    /// With coordinates of zero.
+    pub(super) at_scanner: u64,
+    /// Without a time, or with one that is far from those of the other points of their cloud.
+    pub(super) untimed: u64,
+}
+
+impl AddAssign for Lost {
+    fn add_assign(&mut self, other: Self) {
+        self.unplaced += other.unplaced;
+        self.at_scanner += other.at_scanner;
+        self.untimed += other.untimed;
+    }
+}
+
+impl Lost {
+    /// Remarks on them.
+    pub(super) fn remark(&self, input: &Input, topic: &str) {
+        let reasons = [
+            (self.unplaced, "without finite coordinates"),
+            (self.at_scanner, "at the origin of the scanner"),
+            (
+                self.untimed,
+                "with a time that is no number or far from their cloud's",
+            ),
+        ];
+        let lost = reasons.iter().filter(|(count, _)| *count > 0);
+        let lost: Vec<String> = lost
+            .map(|(count, why)| format!("{} {why}", counted(*count, "point")))
+            .collect();
+        if !lost.is_empty() {
+            input.remark(format!(
+                "of {topic} left out, as not measured: {}",
+                lost.join(", ")
+            ));
+        }
+    }
+}
 
 /// The points of a cloud with what is known of their times.
 pub(super) struct TimedPoints {
@@ -12,6 +59,8 @@ pub(super) struct TimedPoints {
     pub(super) lasts_s: Option<f64>,
     /// Whether all points of a cloud have one time.
     pub(super) are_alike: bool,
+    /// Points that are not among them.
+    pub(super) lost: Lost,
 }
 
 impl TimedPoints {
@@ -23,6 +72,7 @@ impl TimedPoints {
             points,
             wrapped: 0,
             are_alike: false,
+            lost: Lost::default(),
         }
     }
 
