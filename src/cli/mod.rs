@@ -178,7 +178,7 @@ fn execute(line: CommandLine) -> Result<(Outcome, bool)> {
                 return command.execute(&context, rayon::current_num_threads());
             }
             Command::CampaignItem(command) => command.execute(),
-            Command::Salvage(command) => command.execute(),
+            Command::Salvage(command) => return command.execute(),
             Command::Demo(command) => command.execute(&context),
             Command::Simulate(command) => command.execute(&context),
             Command::Trajectory(command) => command.execute(&context),

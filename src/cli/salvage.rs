@@ -26,7 +26,9 @@ pub(super) struct Salvage {
 }
 
 impl Salvage {
-    pub fn execute(&self) -> Result<Outcome> {
+    /// Copies each file, or names the error in reading it if there are several; the flag says whether all could be
+    /// copied.
+    pub fn execute(&self) -> Result<(Outcome, bool)> {
         let name = |file: &PathBuf| match file.file_name() {
             Some(name) => Ok(name.to_string_lossy().into_owned()),
             None => Err(Error::data(
@@ -44,9 +46,25 @@ impl Salvage {
         }
         self.force.check(&self.out, &self.files, &names)?;
         let staging = Staging::new(&self.out, &self.files, &names)?;
-        let (mut documents, mut lines) = (Vec::new(), Vec::new());
+        let (mut documents, mut lines, mut copied) = (Vec::new(), Vec::new(), Vec::new());
         for (file, name) in self.files.iter().zip(&names) {
-            let salvaged = format::salvage(file, &staging.path(name))?;
+            let copy = staging.path(name);
+            let salvaged = match format::salvage(file, &copy) {
+                Ok(salvaged) => salvaged,
+                Err(error) if self.files.len() == 1 || matches!(error, Error::Cancelled) => {
+                    return Err(error);
+                }
+                Err(error) => {
+                    // A copy without content must not appear; it may not have been begun.
+                    let _ = std::fs::remove_file(&copy);
+                    documents.push(
+                        json!({ "file": file.display().to_string(), "error": error.to_string() }),
+                    );
+                    lines.push(format!("{}: nothing kept: {error}", file.display()));
+                    continue;
+                }
+            };
+            copied.push(self.out.join(name));
             let what = match salvaged.dropped_rows {
                 0 => "records".to_owned(),
                 rows => format!("rows, {rows} left out"),
@@ -54,22 +72,25 @@ impl Salvage {
             lines.push(match salvaged.first_byte {
                 None => format!("{}: undamaged, {} kept", file.display(), salvaged.kept),
                 Some(byte) => format!(
-                    "{}: kept {} {what}; {} bytes left out in {} places, the first at byte {byte}",
+                    "{}: kept {} {what}; {} bytes left out in {} place{}, the first at byte {byte}",
                     file.display(),
                     salvaged.kept,
                     salvaged.dropped_bytes,
-                    salvaged.places
+                    salvaged.places,
+                    if salvaged.places == 1 { "" } else { "s" }
                 ),
             });
             let salvaged = serde_json::to_value(salvaged).map_err(unprintable)?;
             documents.push(json!({ "file": file.display().to_string(), "salvaged": salvaged }));
         }
         staging.commit()?;
-        Ok(Outcome {
+        let have_all = copied.len() == self.files.len();
+        let outcome = Outcome {
             result: json!({ "files": documents }),
             summary: lines.join("\n"),
-            files: names.iter().map(|name| self.out.join(name)).collect(),
+            files: copied,
             ..Outcome::default()
-        })
+        };
+        Ok((outcome, have_all))
     }
 }

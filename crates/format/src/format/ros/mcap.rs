@@ -44,6 +44,18 @@ pub(super) fn split<'a>(bytes: &mut Cursor<'a>) -> Option<Raw<'a>> {
     })
 }
 
+/// The bytes of a schema, a channel or a message, which may also be outside of chunks.
+pub(super) fn whole_record(raw: Raw<'_>) -> Option<Vec<u8>> {
+    let kind = match raw.kind {
+        Kind::Schema => 3,
+        Kind::Channel => 4,
+        Kind::Message => 5,
+        _ => return None,
+    };
+    let length = raw.data.len() as u64;
+    Some([&[kind], length.to_le_bytes().as_slice(), raw.data].concat())
+}
+
 /// The content of a schema, channel, message or index.
 pub(super) fn parse(raw: Raw<'_>) -> Option<Record<'_>> {
     let mut data = Cursor(raw.data);

@@ -70,6 +70,13 @@ pub(crate) fn copy(input: &Input, to: &Path) -> Result<Copied> {
                         out.copied.messages += messages(walk.container, &block[start..]);
                         out.copy(&mut from, range, input)?;
                     }
+                    // What is readable of the last chunk is copied record by record, out of its chunk.
+                    Ok(start) if is_mcap => {
+                        let rest = out.records(&block[start..])?;
+                        // How much of a compressed chunk is missing is not known.
+                        let start = range.1.saturating_sub(rest.max(1));
+                        out.leave_out(range.0.max(start), range.1);
+                    }
                     _ => out.leave_out(range.0, range.1),
                 }
             }
@@ -137,6 +144,22 @@ impl Copy<'_> {
         let mut part = from.take(end - start);
         std::io::copy(&mut part, &mut self.out).map_err(|e| Error::io(self.to, e))?;
         Ok(())
+    }
+
+    /// Copies the schemas, channels and messages of an unpacked chunk of MCAP; returns the number of bytes behind the last
+    /// whole record.
+    fn records(&mut self, records: &[u8]) -> Result<u64> {
+        let mut rest = Cursor(records);
+        loop {
+            let left = rest.0.len() as u64;
+            let Some(raw) = Container::Mcap.split(&mut rest) else {
+                return Ok(left);
+            };
+            if let Some(record) = mcap::whole_record(raw) {
+                self.write(&record)?;
+                self.copied.messages += u64::from(raw.kind == Kind::Message);
+            }
+        }
     }
 
     /// Notes the bytes between two places as left out; places that touch are one.
