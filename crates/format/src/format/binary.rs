@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::counted;
 use crate::format::input::{Input, Stream};
 
 /// A number type in a binary record.
@@ -115,6 +116,26 @@ impl Bytes {
             .read_exact(into)
             .map_err(|e| Error::io(&self.path, e))?;
         self.at += into.len() as u64;
+        Ok(())
+    }
+
+    /// Remarks on records of `length` bytes, or in text on lines, that follow the last one of which the header knows.
+    pub(crate) fn remark_on_rest(&mut self, input: &Input, length: Option<usize>) -> Result<()> {
+        let mut further = 0;
+        if let Some(length) = length {
+            further = self.total.saturating_sub(self.at) / (length.max(1) as u64);
+        } else {
+            while self.at < self.total {
+                let line = self.raw_line()?;
+                further += u64::from(!line.trim_ascii().is_empty());
+            }
+        }
+        if further > 0 {
+            input.remark(format!(
+                "left out: {} beyond the number in the header",
+                counted(further, "record")
+            ));
+        }
         Ok(())
     }
 

@@ -23,8 +23,8 @@ use crate::format::profiles::table as profile;
 use crate::format::text::civil::adjusted_gps_from_unix_s;
 use crate::geometry::{BodyAxes, Projection, Vec3};
 use crate::sensor::{
-    GeographicFix, GeographicPose, HeadingFix, ImuSample, Observations, PoseRecord, Positions,
-    ScanPoint, Timed, project_fixes, project_poses,
+    Continued, GeographicFix, GeographicPose, HeadingFix, ImuSample, Observations, PoseRecord,
+    Positions, ScanPoint, Timed, project_fixes, project_poses,
 };
 
 /// The reader that `select` chooses from the format of a file. A text table with other columns, or a file of an
@@ -286,6 +286,11 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
     if cloud.points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
     }
+    let cloud = if detect(input).is_ok_and(Format::has_positions) {
+        with_continued_times(input, cloud)
+    } else {
+        cloud
+    };
     if u32::try_from(cloud.points.len()).is_err() {
         return Err(Error::format(
             input.path(),
@@ -295,6 +300,17 @@ pub fn read_cloud(input: impl Into<Input>) -> Result<PointCloud> {
         ));
     }
     Ok(cloud)
+}
+
+/// The points of a log of positions, whose times continue past midnight and the end of the week.
+fn with_continued_times(input: &Input, mut cloud: PointCloud) -> PointCloud {
+    let mut times = Continued::default();
+    let measured = cloud.time_s.iter_mut().filter(|time_s| !time_s.is_nan());
+    measured.for_each(|time_s| *time_s = times.at(*time_s));
+    if let Some(remark) = times.remark() {
+        input.remark(remark);
+    }
+    cloud
 }
 
 /// The coordinate reference system of a cloud file, as WKT; `None` if the file names none.

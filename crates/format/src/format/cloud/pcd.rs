@@ -192,6 +192,7 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                 }
                 fields.push(&values, &mut cloud);
             }
+            bytes.remark_on_rest(input, None)?;
         }
         Encoding::Binary => {
             bytes.check(total_bytes, "points")?;
@@ -205,6 +206,7 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                 }
                 fields.push(&values, &mut cloud);
             }
+            bytes.remark_on_rest(input, Some(length))?;
         }
         Encoding::Compressed => {
             let mut head = [0; 8];

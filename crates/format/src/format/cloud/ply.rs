@@ -43,6 +43,8 @@ pub(crate) struct Header {
     /// The elements before the vertices, which are passed over.
     before: Vec<Element>,
     pub(crate) vertices: Element,
+    /// Whether nothing follows the vertices.
+    is_last: bool,
 }
 
 fn number(name: &str) -> Option<Number> {
@@ -122,6 +124,7 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
     let (Some(encoding), Some(at)) = (encoding, at) else {
         return Err(bytes.error("a header without format or vertices", "a header with both"));
     };
+    let is_last = elements[at + 1..].iter().all(|element| element.count == 0);
     // Elements behind the vertices are not read.
     elements.truncate(at + 1);
     let Some(vertices) = elements.pop() else {
@@ -131,6 +134,7 @@ pub(crate) fn read_header(bytes: &mut Bytes) -> Result<Header> {
         encoding,
         before: elements,
         vertices,
+        is_last,
     })
 }
 
@@ -190,6 +194,10 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
             if is_vertex {
                 fields.push(&values, &mut gathering);
             }
+        }
+        if is_vertex && header.is_last && !has_lists {
+            let length = (header.encoding != Encoding::Text).then_some(record.len());
+            bytes.remark_on_rest(input, length)?;
         }
     }
     fields.finish(gathering)

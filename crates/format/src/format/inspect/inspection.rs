@@ -66,8 +66,8 @@ impl fmt::Display for Inspection {
         writeln!(f, "  format   {}", self.format)?;
         writeln!(f, "  frame    {}", self.frame)?;
         writeln!(f, "  size     {} bytes", self.bytes)?;
-        // Nothing is counted where no part of the file was summarised.
-        if self.count > 0 {
+        // Nothing is counted where no part of the file was summarised; of points, none were found.
+        if self.count > 0 || self.format.is_las() {
             writeln!(f, "  rows     {}", self.count)?;
         }
         if let Some(epochs) = self.epochs.filter(|n| *n != self.count) {

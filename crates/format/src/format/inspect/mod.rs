@@ -8,15 +8,16 @@ mod streams;
 
 use super::detect::detect;
 use super::kind::{Frame, Kind};
-use super::read::read_cloud;
+use super::read::{read_cloud, read_trajectory};
 use crate::error::{Error, Result};
+use crate::format::cloud::gathering::counted;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::columns::{PoseColumns, extra_names};
 use crate::format::las::file::LasFile;
 use crate::format::mountings::bonn_xml::read_mounting;
 use crate::format::plausible::check_point;
-use crate::format::poses::sbet;
+use crate::format::poses::{navigation, sbet};
 use crate::format::text::table::{Columns, Table};
 use crate::geometry::{EulerConvention, euler::euler_deg_from_rotation};
 use gather::POINT;
@@ -71,7 +72,7 @@ pub fn inspect(input: impl Into<Input>) -> Result<Inspection> {
         _ if kind.profiles.is_some() => inspect_profiles(input, &mut report)?,
         _ if kind.geographic_poses.is_some() => inspect_log(input, kind, &mut report)?,
         _ if kind.poses.is_some() => inspect_poses(input, &mut report)?,
-        _ if kind.cloud.is_some() => inspect_cloud(input, &mut report)?,
+        _ if kind.cloud.is_some() && kind.positions.is_none() => inspect_cloud(input, &mut report)?,
         _ => inspect_log(input, kind, &mut report)?,
     }
     report.frame = match kind.frame {
@@ -116,10 +117,19 @@ fn inspect_table(input: &Input, columns: &Columns, report: &mut Inspection) -> R
         ));
     }
     report.columns = table.names().to_vec();
+    if report.format.has_positions() {
+        report
+            .notes
+            .extend(navigation::remark_on_angles(table.names()));
+    }
     let repeated = summary.clock.repeated;
     summary.report(report)?;
     if let Some(time) = time {
         report.bounds.retain(|bounds| bounds.column != wanted[time]);
+    }
+    if report.format.0.poses.is_some() {
+        // The rows that make no pose, and the order of times.
+        read_trajectory(input)?;
     }
     // In profiles and clouds many points share a time; in logs no two records should.
     let kind = report.format.0;
@@ -170,14 +180,26 @@ fn inspect_sbet(input: &Input, report: &mut Inspection) -> Result<()> {
 fn inspect_las(input: &Input, report: &mut Inspection) -> Result<()> {
     let mut file = LasFile::open(input)?;
     let mut summary = StreamSummary::of_columns(&POINT);
+    let (has_time, mut untimed) = (file.has_time(), 0);
     while file.read(CHUNK_POINTS, |_, point| {
         let p = &point.position;
+        untimed += u64::from(has_time && point.time_s.is_nan());
         summary.add(point.time_s, [p.x, p.y, p.z, f64::from(point.intensity)]);
         Ok(())
     })? > 0
     {}
     report.columns = extra_names(&file);
     report.notes.extend(file.remarks());
+    if untimed > 0 {
+        report
+            .notes
+            .push(format!("{} without a time", counted(untimed, "point")));
+    }
+    if summary.count == 0 {
+        report
+            .notes
+            .push("the header announces no points".to_owned());
+    }
     if PoseColumns::of(&file).is_some() {
         report.notes.push(
             "every point carries the sensor's pose: the file can serve as profiles and as a \

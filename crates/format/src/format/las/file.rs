@@ -13,9 +13,9 @@ use crate::format::input::Input;
 use crate::format::las::chunks as laz_chunks;
 use crate::format::las::header::{self as las_header, Checked};
 use crate::format::las::units::{converted, coordinate_unit, has_system};
-use crate::format::plausible::check_point;
-use crate::format::text::civil::{adjusted_gps_from_unix_s, unix_from_adjusted_gps_s};
-use crate::geometry::Vec3;
+use crate::format::plausible::{MOST_TIME_S, check_point};
+use crate::format::text::civil::{adjusted_gps_from_unix_s, civil_time, unix_from_adjusted_gps_s};
+use crate::geometry::{Vec3, is_finite};
 
 /// Bytes of points decoded at a time, by each thread; a record may have 65,535 bytes.
 const LARGEST_PIECE: usize = 8 << 20;
@@ -25,7 +25,8 @@ const LARGEST_PIECE: usize = 8 << 20;
 pub(crate) struct LasPoint<'a> {
     /// Metres.
     pub(crate) position: Vec3,
-    /// Seconds. Adjusted standard GPS time is converted to Unix time, like all other absolute times.
+    /// Seconds. Adjusted standard GPS time is converted to Unix time, like all other absolute times. NaN for a point
+    /// without a time.
     pub(crate) time_s: f64,
     pub(crate) intensity: f32,
     /// The bytes after the standard fields.
@@ -52,12 +53,15 @@ pub(crate) struct LasFile {
 }
 
 fn problem(path: &Path, error: las::Error) -> Error {
-    Error::format(
-        path,
-        Location::Whole,
-        error.to_string(),
-        "an undamaged LAS or LAZ file",
-    )
+    let text = error.to_string();
+    // The header was checked against the size of the file, so that the end of a chunk is not that of the file.
+    let found = if text.contains("failed to fill whole buffer") {
+        "points that end within a chunk or cannot be unpacked: the file is damaged, or was cut off"
+            .to_owned()
+    } else {
+        text
+    };
+    Error::format(path, Location::Whole, found, "an undamaged LAS or LAZ file")
 }
 
 impl LasFile {
@@ -68,28 +72,38 @@ impl LasFile {
             file = Self::with(input, las::LazParallelism::Yes)?;
         }
         if file.has_adjusted_gps_time() {
-            file.remarks.extend(Self::remark_on_week(input));
+            file.remarks.extend(Self::remark_on_dates(input));
         }
         Ok(file)
     }
 
-    /// What to say of a file with adjusted standard GPS time if its first time looks like a time of the GPS week: as
-    /// such, it would be in the week of 2011-09-14.
-    fn remark_on_week(input: &Input) -> Option<String> {
+    /// What to say of a file with adjusted standard GPS time if its first time looks like one of another clock: a time of
+    /// the GPS week would be in the week of 2011-09-14; GPS and Unix times of the years since then, from which 10⁹ s were
+    /// not taken, come out after 2042.
+    fn remark_on_dates(input: &Input) -> Option<String> {
         const WEEK_S: f64 = 604_800.0;
+        const LATEST_UNIX_S: f64 = 2.3e9;
         let mut file = Self::reopen(input).ok()?;
-        let mut first_s = f64::NAN;
+        let mut unix_s = f64::NAN;
         file.read(1, |_, point| {
-            first_s = adjusted_gps_from_unix_s(point.time_s);
+            unix_s = point.time_s;
             Ok(())
         })
         .ok()?;
-        (0.0..WEEK_S).contains(&first_s).then(|| {
-            format!(
-                "the header flags times as adjusted standard GPS times, of which {first_s} s is in September 2011: if \
-                 they are seconds of the GPS week, correct bit 0 of its global encoding"
-            )
-        })
+        let first_s = adjusted_gps_from_unix_s(unix_s);
+        let mut date = civil_time(unix_s);
+        let other = if (0.0..WEEK_S).contains(&first_s) {
+            date = "in September 2011".to_owned();
+            "seconds of the GPS week"
+        } else if (LATEST_UNIX_S..MOST_TIME_S).contains(&unix_s) {
+            "Unix times, or GPS times without the adjustment"
+        } else {
+            return None;
+        };
+        Some(format!(
+            "the header flags times as adjusted standard GPS times, of which {first_s} s is {date}: if they are {other}, \
+             correct bit 0 of its global encoding"
+        ))
     }
 
     /// As [`open`](Self::open) where the chunks were checked, or only the header is read; unpacks on one thread.
@@ -263,22 +277,22 @@ impl LasFile {
                     transforms.z.direct(raw(8)),
                 )
                 .component_mul(metres),
-                time_s: match (format.has_gps_time, is_adjusted) {
-                    (true, true) => unix_from_adjusted_gps_s(time(record)),
-                    (true, false) => time(record),
-                    (false, _) => f64::NAN,
+                time_s: match format.has_gps_time.then(|| time(record)) {
+                    Some(time_s) if time_s.is_finite() && is_adjusted => {
+                        unix_from_adjusted_gps_s(time_s)
+                    }
+                    Some(time_s) if time_s.is_finite() => time_s,
+                    _ => f64::NAN,
                 },
                 intensity: f32::from(u16::from_le_bytes(bytes_at(record, 12))),
                 extra: &record[length - extra..],
                 record,
             };
-            if !point.position.iter().all(|v| v.is_finite())
-                || (format.has_gps_time && !time(record).is_finite())
-            {
+            if !is_finite(&point.position) {
                 return Err(point_error(
                     path,
                     first + i as u64,
-                    "a coordinate or time that is not finite",
+                    "a coordinate that is not finite",
                     "finite numbers",
                 ));
             }

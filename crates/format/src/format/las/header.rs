@@ -67,8 +67,9 @@ pub(super) fn open(input: &Input) -> Result<Checked> {
     stream
         .read_exact(&mut head)
         .map_err(|e| Error::io(path, e))?;
-    let remarks = correct(path, &mut head, size)?;
+    let mut remarks = correct(path, &mut head, size)?;
     check(path, &mut stream, &head, size)?;
+    remarks.extend(remark_on_rest(&head, size));
     stream.rewind().map_err(|e| Error::io(path, e))?;
     Ok(Checked {
         content: Corrected {
@@ -131,6 +132,43 @@ fn correct(path: &Path, head: &mut [u8], size: u64) -> Result<Vec<String>> {
     Ok(remarks)
 }
 
+/// What to say of an uncompressed file with room for more points than its header announces.
+fn remark_on_rest(head: &[u8], size: u64) -> Option<String> {
+    let u32_at = |at| u64::from(u32::from_le_bytes(bytes_at(head, at)));
+    let (minor, data) = (head[25], u32_at(96));
+    let length = u64::from(u16::from_le_bytes(bytes_at(head, 105)));
+    if head[104] & 0x80 != 0 || length == 0 {
+        return None;
+    }
+    // Waveforms and extended records follow the points.
+    let u64_at = |at: usize, since: u8| {
+        let has = minor >= since && head.len() >= at + 8;
+        has.then(|| u64::from_le_bytes(bytes_at(head, at)))
+    };
+    let ends = [u64_at(227, 3), u64_at(235, 4), Some(size)];
+    let end = ends
+        .into_iter()
+        .flatten()
+        .filter(|end| *end > data && *end <= size)
+        .min()?;
+    let points = announced(head);
+    let room = (end - data) / length;
+    (room > points && points > 0).then(|| {
+        format!(
+            "left out: {} points beyond the {points} points of the header, for which the file has room",
+            room - points
+        )
+    })
+}
+
+/// The number of points in a header.
+fn announced(head: &[u8]) -> u64 {
+    match (u32::from_le_bytes(bytes_at(head, 107)), head[25] >= 4) {
+        (0, true) => u64::from_le_bytes(bytes_at(head, 247)),
+        (n, _) => u64::from(n),
+    }
+}
+
 /// Checks sizes and positions in the header against the size of the file.
 fn check(path: &Path, file: &mut Stream, head: &[u8], size: u64) -> Result<()> {
     let minor = head[25];
@@ -144,10 +182,7 @@ fn check(path: &Path, file: &mut Stream, head: &[u8], size: u64) -> Result<()> {
     check_records(path, file, first_record..data, u32_at(100))?;
     let compressed = head[104] & 0x80 != 0;
     let length = u64::from(u16::from_le_bytes(bytes_at(head, 105)));
-    let points = match (u32_at(107), minor >= 4) {
-        (0, true) => u64_at(247),
-        (n, _) => n,
-    };
+    let points = announced(head);
     if !compressed && points.saturating_mul(length) > size - data {
         return Err(short(path, size, 107, &format!("its {points} points do")));
     }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::gaps;
 use crate::format::cloud::names::viewpoint_columns;
 use crate::format::cloud::viewpoints::Viewpoints;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
@@ -122,6 +123,7 @@ pub fn las_viewpoints(input: impl Into<Input>) -> Result<Vec<Vec3>> {
 pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     let mut file = LasFile::open(input)?;
     let count = count_of(&file)?;
+    let has_time = file.has_time();
     let empty = |most| PointCloud {
         points: Vec::with_capacity(most),
         time_s: Vec::new(),
@@ -130,8 +132,7 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     let take = |cloud: &mut PointCloud, point: LasPoint<'_>| {
         cloud.points.push(point.position);
         cloud.intensity.push(point.intensity);
-        // NaN stands for a file without times.
-        if !point.time_s.is_nan() {
+        if has_time {
             cloud.time_s.push(point.time_s);
         }
     };
@@ -141,14 +142,16 @@ pub(crate) fn read_las(input: &Input) -> Result<PointCloud> {
     let mut cloud = empty(count as usize);
     if !file.can_seek() {
         read_until(&mut file, count, &mut cloud, take)?;
-        return Ok(cloud);
+    } else {
+        let parts = read_parts(input, 0..count.div_ceil(PART), count, empty, take)?;
+        for part in parts {
+            cloud.points.extend(part.points);
+            cloud.time_s.extend(part.time_s);
+            cloud.intensity.extend(part.intensity);
+        }
     }
-    let parts = read_parts(input, 0..count.div_ceil(PART), count, empty, take)?;
-    for part in parts {
-        cloud.points.extend(part.points);
-        cloud.time_s.extend(part.time_s);
-        cloud.intensity.extend(part.intensity);
-    }
+    gaps(&cloud).into_iter().for_each(|gap| input.remark(gap));
+    cloud.forget_absent();
     Ok(cloud)
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use crate::error::{Error, Location, Result};
+use crate::format::cloud::gathering::counted;
 use crate::format::file::{CHUNK_POINTS, nothing_in};
 use crate::format::input::Input;
 use crate::format::las::columns::PoseColumns;
@@ -57,9 +58,14 @@ impl LasScan {
 /// Sends the chunks of a file until it ends, fails, or the receiver is dropped.
 fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
     let mut times = Continued::default();
+    let mut untimed = 0;
     let mut next = |file: &mut LasFile| {
         let mut chunk = Vec::new();
-        file.read(CHUNK_POINTS, |index, point| {
+        let count = file.read(CHUNK_POINTS, |index, point| {
+            if point.time_s.is_nan() {
+                untimed += 1;
+                return Ok(());
+            }
             let in_order = times.in_order(point.time_s);
             let time_s = in_order.map_err(|found| {
                 point_error(input.path(), index, &found, "points in time order")
@@ -71,7 +77,13 @@ fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
             });
             Ok(())
         })?;
-        Ok(chunk)
+        if count == 0 && untimed > 0 {
+            input.remark(format!(
+                "{} without a time left out",
+                counted(untimed, "point")
+            ));
+        }
+        Ok((count, chunk))
     };
     let mut file = match LasFile::reopen(input) {
         Ok(file) => file,
@@ -82,8 +94,11 @@ fn decode(input: &Input, sender: &SyncSender<Result<Vec<ScanPoint>>>) {
     };
     loop {
         let chunk = next(&mut file);
-        let is_last = chunk.as_ref().map_or(true, Vec::is_empty);
-        if sender.send(chunk).is_err() || is_last {
+        let is_last = chunk.as_ref().map_or(true, |(count, _)| *count == 0);
+        let points = chunk.map(|(_, points)| points);
+        // A chunk without points would end the recording.
+        let is_sent = is_last || points.as_ref().is_ok_and(|points| !points.is_empty());
+        if is_sent && sender.send(points).is_err() || is_last {
             return;
         }
     }
@@ -159,7 +174,12 @@ fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
         ));
     };
     let mut points = Vec::new();
+    let mut untimed = 0;
     while file.read(CHUNK_POINTS, |index, point| {
+        if point.time_s.is_nan() {
+            untimed += 1;
+            return Ok(());
+        }
         let pose = columns.values(&point);
         if !pose.iter().all(|v| v.is_finite()) {
             let found = "a pose that is not finite";
@@ -174,6 +194,12 @@ fn read_posed(file: &mut LasFile) -> Result<Vec<PosedPoint>> {
         Ok(())
     })? > 0
     {}
+    if untimed > 0 {
+        input.remark(format!(
+            "{} without a time left out",
+            counted(untimed, "point")
+        ));
+    }
     if points.is_empty() {
         return Err(nothing_in(input.path(), "point"));
     }
