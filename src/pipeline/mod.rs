@@ -28,6 +28,7 @@ mod kept_page;
 mod keys;
 mod logs;
 mod mounting;
+mod one_body;
 pub mod online;
 mod origin;
 mod outcome;

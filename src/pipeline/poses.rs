@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::logs::DriveLogs;
+use super::one_body;
 use super::profiles::warn_of_remarks;
 use super::recorded;
 use crate::error::Result;
@@ -254,17 +255,16 @@ fn read_poses(
     file: &PosesFile,
     progress: &dyn Progress,
 ) -> Result<Vec<PoseRecord>> {
-    let mut nodes = Vec::new();
+    let mut files = Vec::new();
     for path in file.paths() {
         let crs = project.crs.as_ref();
         let input = format::Input::from(path);
-        nodes.extend(format::read_projected_trajectory(
-            &input,
-            project.axes,
-            crs,
-        )?);
+        let poses = format::read_projected_trajectory(&input, project.axes, crs)?;
+        files.push((path.as_path(), poses));
         warn_of_remarks(&path.display().to_string(), &[input], progress);
     }
+    one_body::check(&files)?;
+    let mut nodes: Vec<PoseRecord> = files.into_iter().flat_map(|(_, poses)| poses).collect();
     // The sort is stable: if files have poses at the same time, the pose of the first file remains.
     nodes.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     nodes.dedup_by(|later, earlier| later.time_s == earlier.time_s);

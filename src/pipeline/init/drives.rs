@@ -66,7 +66,7 @@ pub fn check(folder: &Path, files: &SortedFiles, name_of: impl Fn(&Path) -> Stri
 }
 
 /// The drives by the times of their files: sets of logs and profiles that do not overlap, each with profiles and with an
-/// IMU or poses. Logs on another clock alone are no drive.
+/// IMU or poses; without a scanner, with an IMU. Logs on another clock alone are no drive.
 fn by_time(files: &SortedFiles) -> Vec<Vec<&Path>> {
     let motion = |path: &PathBuf| files.imu.contains(path) || files.poses.contains(path);
     let is_of_drive = |path: &PathBuf| {
@@ -97,9 +97,14 @@ fn by_time(files: &SortedFiles) -> Vec<Vec<&Path>> {
     let has = |group: &[&Path], what: &dyn Fn(&PathBuf) -> bool| {
         group.iter().any(|path| what(&path.to_path_buf()))
     };
-    groups
-        .filter(|group| has(group, &motion) && has(group, &|path| files.profiles.contains(path)))
-        .collect()
+    let is_drive = |group: &Vec<&Path>| {
+        if files.profiles.is_empty() {
+            files.posed.is_empty() && has(group, &|path| files.imu.contains(path))
+        } else {
+            has(group, &motion) && has(group, &|path| files.profiles.contains(path))
+        }
+    };
+    groups.filter(is_drive).collect()
 }
 
 /// The drives by their folders, if the profiles of a scanner are in several.

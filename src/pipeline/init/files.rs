@@ -105,18 +105,33 @@ pub fn sorted(folder: &Path) -> Result<SortedFiles> {
     let mut files = Vec::new();
     list(folder, DEEPEST, &mut files)?;
     files.sort();
-    // The list of a recording in several files stands for all of them.
-    let lists = files.iter().filter(|file| file.ends_with("metadata.yaml"));
-    let parts: HashSet<PathBuf> = lists
-        .flat_map(|list| format::files_of(list).into_iter().skip(1))
+    // The list of a recording in several files stands for all of them, as does that of the times of records which have a
+    // file each.
+    let wholes: Vec<(PathBuf, Vec<PathBuf>)> = files
+        .iter()
+        .filter(|file| lists_others(file))
+        .map(|list| (list.clone(), format::files_of(list).split_off(1)))
         .collect();
+    let parts: HashSet<&PathBuf> = wholes.iter().flat_map(|(_, parts)| parts).collect();
     files.retain(|file| !parts.contains(file));
     let mut sorted = SortedFiles::default();
     for file in &files {
         sorted.add(folder, file);
     }
+    for (list, parts) in &wholes {
+        let path = list.strip_prefix(folder).unwrap_or(list);
+        let count = parts.len();
+        sorted.use_as(path, |serves| format!("{serves}, with {count} files beside it"));
+    }
     sorted.leave_out_other_sensors();
     Ok(sorted)
+}
+
+/// Whether a file lists others, which it needs: of a recording of rosbag2, or the times of the records of KITTI.
+fn lists_others(file: &Path) -> bool {
+    file.ends_with("metadata.yaml")
+        || file.ends_with("timestamps.txt")
+            && format::detect(file).is_ok_and(|format| format.id() == "kitti-oxts")
 }
 
 fn list(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<()> {
@@ -314,31 +329,59 @@ impl SortedFiles {
     }
 
     /// Keeps those of the LAS files with the sensor's pose at every point that follow each other in time, as the strips
-    /// of one sensor do.
+    /// of one sensor do, and likewise those of the files of poses.
     fn leave_out_other_sensors(&mut self) {
         self.posed.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-        let mut end_s = f64::NEG_INFINITY;
-        let is_next = |(_, [first_s, last_s]): &(PathBuf, [f64; 2])| {
-            let follows = *first_s > end_s;
-            if follows {
-                end_s = *last_s;
-            }
-            follows
+        let posed = one_at_a_time(std::mem::take(&mut self.posed));
+        let span_s = |path: &PathBuf| {
+            let file = self.uses.iter().find(|file| file.path == *path);
+            file.and_then(|file| file.span_s).unwrap_or([f64::NAN; 2])
         };
-        let (kept, others): (Vec<_>, Vec<_>) = self.posed.drain(..).partition(is_next);
-        for (path, _) in others {
-            let first = kept[0].0.display();
+        let poses = self.poses.iter().map(|path| (path.clone(), span_s(path)));
+        let poses = one_at_a_time(poses.collect());
+        self.posed = posed.kept;
+        self.poses = poses.kept.into_iter().map(|(path, _)| path).collect();
+        for (path, first) in posed.others.into_iter().chain(poses.others) {
             let why = format!(
-                "it has poses of another sensor at the same time as {first}, and a project has those of one: make a project \
-                 of it in a folder of its own"
+                "it has poses of another sensor at the same time as {}, and a project has those of one: make a project of it \
+                 in a folder of its own",
+                first.display()
             );
             self.unread.push(format!("{}: {why}", path.display()));
-            if let Some(file) = self.uses.iter_mut().find(|file| file.path == path) {
-                file.serves = why;
-            }
+            self.use_as(&path, |_| why);
         }
-        self.posed = kept;
     }
+
+    /// Changes what a file serves as.
+    pub(super) fn use_as(&mut self, path: &Path, serves: impl FnOnce(&str) -> String) {
+        if let Some(file) = self.uses.iter_mut().find(|file| file.path == path) {
+            file.serves = serves(&file.serves);
+        }
+    }
+}
+
+/// Files that follow each other in time, and the others, each with the one whose times it shares.
+struct OneAtATime {
+    kept: Vec<(PathBuf, [f64; 2])>,
+    others: Vec<(PathBuf, PathBuf)>,
+}
+
+/// Sorts files with their first and last times; of those that overlap, the first one in the list is kept. Files that meet
+/// at one time follow each other.
+fn one_at_a_time(files: Vec<(PathBuf, [f64; 2])>) -> OneAtATime {
+    let mut sorted = OneAtATime {
+        kept: Vec::new(),
+        others: Vec::new(),
+    };
+    for (path, [first_s, last_s]) in files {
+        let overlaps =
+            |(_, span_s): &&(PathBuf, [f64; 2])| first_s < span_s[1] && last_s > span_s[0];
+        match sorted.kept.iter().find(overlaps) {
+            Some((kept, _)) => sorted.others.push((path, kept.clone())),
+            None => sorted.kept.push((path, [first_s, last_s])),
+        }
+    }
+    sorted
 }
 
 /// The first and the last time of a LAS file whose points carry the sensor's pose.

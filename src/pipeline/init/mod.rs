@@ -49,7 +49,7 @@ impl NewProject {
 /// A folder that cannot be read, with too many files, with the files of several drives, or without a recording, a log or a
 /// trajectory.
 pub fn init(folder: &Path) -> Result<NewProject> {
-    let sorted = files::sorted(folder)?;
+    let mut sorted = files::sorted(folder)?;
     if sorted.is_without_measurements() {
         let uses = sorted.uses.iter().take(MOST_LISTED);
         let uses: String = uses.map(|file| format!("\n  {file}")).collect();
@@ -65,6 +65,7 @@ pub fn init(folder: &Path) -> Result<NewProject> {
     }
     drives::check(folder, &sorted, scanner_name)?;
     let made = sorted.project();
+    sorted.name_unused();
     Ok(NewProject {
         files: sorted.uses,
         ..made
@@ -88,11 +89,9 @@ impl SortedFiles {
             unread: self.unread.clone(),
             ..NewProject::default()
         };
-        let has_scanner = !(self.profiles.is_empty() && self.posed.is_empty());
-        let has_positions = !(self.prism.is_empty() && self.gnss.is_empty());
+        let has_scanner = self.has_scanner();
         let poses = self.trajectory_files();
-        let is_from_logs =
-            poses.is_empty() || !has_scanner && has_positions && !self.imu.is_empty();
+        let is_from_logs = self.is_from_logs();
         let positions = self.gnss.first();
         let mut places = poses
             .iter()
@@ -148,6 +147,39 @@ impl SortedFiles {
             made.text += &format!("# not read: {}\n", error.replace('\n', " "));
         }
         made
+    }
+
+    /// Whether there is a recording of a scanner.
+    fn has_scanner(&self) -> bool {
+        !(self.profiles.is_empty() && self.posed.is_empty())
+    }
+
+    /// Whether the trajectory is estimated from logs rather than taken from poses.
+    fn is_from_logs(&self) -> bool {
+        let has_positions = !(self.prism.is_empty() && self.gnss.is_empty());
+        let has_poses = !(self.poses.is_empty() && self.posed.is_empty());
+        !has_poses || !self.has_scanner() && has_positions && !self.imu.is_empty()
+    }
+
+    /// Says of the logs, or of the poses, that the project has the other in their place.
+    fn name_unused(&mut self) {
+        let logs = [&self.imu, &self.prism, &self.gnss, &self.heading];
+        let (unused, instead) = if self.is_from_logs() {
+            (self.poses.clone(), "logs")
+        } else {
+            let logs = logs.into_iter().flatten();
+            (
+                logs.filter(|path| !self.poses.contains(path))
+                    .cloned()
+                    .collect(),
+                "poses",
+            )
+        };
+        for path in unused {
+            self.use_as(&path, |serves| {
+                format!("{serves}, named in a comment: the project has {instead} in its place")
+            });
+        }
     }
 
     /// Whether the places in a file are latitudes and longitudes.

@@ -24,7 +24,7 @@ pub fn is_log(path: &Path) -> bool {
         return false;
     };
     let name = header
-        .trim_start_matches(['#', '/', ' ', '"'])
+        .trim_start_matches(['\u{feff}', '#', '/', ' ', '"'])
         .to_lowercase();
     let name = name
         .split(is_separator)
