@@ -229,6 +229,25 @@ fn check_values<T: Timed>(name: &str, stream: &[T], valid: impl Fn(&T) -> bool) 
     }
 }
 
+/// Leaves out the few records at either end that lie hours from all others, as one with the time 0 of a clock that was not
+/// set yet: they are in order, but not of the drive. `kept` are the indices of records in time order.
+fn without_wild_ends(kept: &mut Vec<usize>, times_s: &[f64]) {
+    const FEW: usize = 3;
+    const MANY: usize = 100 * FEW;
+    const HOURS_S: f64 = 3600.0;
+    if kept.len() < MANY {
+        return;
+    }
+    let is_jump = |pair: &[usize]| times_s[pair[1]] - times_s[pair[0]] > HOURS_S;
+    if let Some(at) = kept.windows(2).take(FEW).rposition(is_jump) {
+        kept.drain(..=at);
+    }
+    let last = kept.len() - 1 - FEW;
+    if let Some(at) = kept[last..].windows(2).position(is_jump) {
+        kept.truncate(last + at + 1);
+    }
+}
+
 /// The largest set of records whose times increase strictly, after the corrections of the clock; the
 /// others are dropped and listed. One wild stamp costs one record, however far off it is.
 fn ordered<T: Timed + Copy>(
@@ -253,7 +272,8 @@ fn ordered<T: Timed + Copy>(
         })
         .collect();
     let times: Vec<f64> = corrected.iter().map(|r| r.value.time_s()).collect();
-    let increasing = longest_increasing(&times);
+    let mut increasing = longest_increasing(&times);
+    without_wild_ends(&mut increasing, &times);
     let mut next = increasing.iter().copied().peekable();
     for record in &corrected {
         if next.next_if_eq(&record.record).is_none() {
@@ -343,6 +363,32 @@ fn within<T: Timed>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_few_records_hours_from_all_others_are_not_of_the_drive() {
+        let right: Vec<f64> = (0..400).map(|i| 36_000.0 + 0.01 * f64::from(i)).collect();
+        for (at, time_s) in [(0, 0.0), (1, 5.0), (399, 1.7e9)] {
+            let mut times_s = right.clone();
+            times_s[0] = if at == 1 { 0.0 } else { times_s[0] };
+            times_s[at] = time_s;
+            let mut kept: Vec<usize> = (0..400).collect();
+            without_wild_ends(&mut kept, &times_s);
+            let expected: Vec<usize> = match at {
+                399 => (0..399).collect(),
+                _ => (at + 1..400).collect(),
+            };
+            assert_eq!(kept, expected);
+        }
+        // A pause in the middle is none of these.
+        let mut kept: Vec<usize> = (0..400).collect();
+        let times_s: Vec<f64> = right
+            .iter()
+            .enumerate()
+            .map(|(i, t)| t + if i < 200 { 0.0 } else { 9e3 })
+            .collect();
+        without_wild_ends(&mut kept, &times_s);
+        assert_eq!(kept.len(), 400);
+    }
 
     /// The records that are kept of a sensor at these positions.
     fn kept(positions_m: &[[f64; 3]]) -> Vec<usize> {
