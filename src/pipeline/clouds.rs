@@ -276,10 +276,11 @@ pub fn stream(
                 bytes = reader.bytes_read();
             }
         }
+        // A cloud without a point is dropped unfinished, and is no result.
+        place.check(&scanner.name)?;
         if let Some(writer) = writer {
             writer.finish()?;
         }
-        place.check(&scanner.name)?;
         let sample = CloudSample {
             total: sample.seen(),
             points: sample.into_values(),

@@ -162,6 +162,11 @@ impl Finished {
         Ok(())
     }
 
+    /// Whether this run kept or reused a stage.
+    pub fn has_stages(&self) -> bool {
+        !self.used.is_empty()
+    }
+
     /// Stops keeping stages.
     pub fn stop_keeping(&mut self) {
         self.keeps = false;

@@ -114,7 +114,10 @@ impl<'a> Job<'a> {
             match finished.keep(name, key, &stage, &paths, progress) {
                 Ok(()) => {}
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
-                // The results do not depend on keeping a stage.
+                // The results do not depend on keeping a stage. A smaller one may still find room.
+                Err(error) if is_full(&error) => {
+                    progress.warn(&format!("the stage `{name}` is not kept: {error}"));
+                }
                 Err(error) => {
                     progress.warn(&format!("finished stages are no longer kept: {error}"));
                     finished.stop_keeping();
@@ -122,6 +125,11 @@ impl<'a> Job<'a> {
             }
         }
         Ok(self.conclude(name, stage))
+    }
+
+    /// Whether another run with the same inputs and settings goes on from a stage of this one.
+    pub fn can_go_on(&self) -> bool {
+        self.finished.as_ref().is_some_and(Finished::has_stages)
     }
 
     /// Records a stage's time and warnings.
@@ -203,6 +211,15 @@ impl<'a> Job<'a> {
         }
         Ok(self.finished)
     }
+}
+
+/// Whether there was no room for a file.
+fn is_full(error: &Error) -> bool {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull, WriteZero};
+    let Error::Io { source, .. } = error else {
+        return false;
+    };
+    [StorageFull, FileTooLarge, QuotaExceeded, WriteZero].contains(&source.kind())
 }
 
 /// Runs the work of a stage.

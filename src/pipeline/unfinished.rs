@@ -71,7 +71,12 @@ impl Results<'_> {
     }
 
     fn keep(&self, written: Result<()>, error: Error, job: Job<'_>) -> Error {
-        self.keep_with(written, error, job, "; the same command goes on from there")
+        let next = if job.can_go_on() {
+            "; the same command goes on from there"
+        } else {
+            ""
+        };
+        self.keep_with(written, error, job, next)
     }
 
     /// Keeps what is written, and names it together with what happens `next`.

@@ -6,6 +6,23 @@ use std::path::{Path, PathBuf};
 /// The result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Start of the names of staging folders, in which files are written before they appear; the lock file of each ends in
+/// `.lock`.
+pub(crate) const STAGING: &str = ".staging-";
+
+/// Where a file appears that is written to this path, which may be in a staging folder.
+fn final_path(path: &Path) -> PathBuf {
+    let is_staging = |name: &std::ffi::OsStr| {
+        let name = name.to_string_lossy();
+        name.starts_with(STAGING) && !name.ends_with(".lock")
+    };
+    if !path.iter().any(is_staging) {
+        return path.to_owned();
+    }
+    let parts = path.components();
+    parts.filter(|part| !is_staging(part.as_os_str())).collect()
+}
+
 /// A result that may be missing: `None` for any error but a cancellation.
 ///
 /// # Errors
@@ -119,7 +136,7 @@ impl Error {
     /// An [`Error::Io`] at `path`.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io {
-            path: path.as_ref().to_owned(),
+            path: final_path(path.as_ref()),
             source,
         }
     }
@@ -132,7 +149,7 @@ impl Error {
         expected: impl Into<String>,
     ) -> Self {
         Self::Format {
-            path: path.as_ref().to_owned(),
+            path: final_path(path.as_ref()),
             at,
             found: shortened(found.into()),
             expected: shortened(expected.into()),

@@ -12,10 +12,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use same_file::is_same_file;
 
-use crate::error::{Error, Location, Problem, Result};
+use crate::error::{Error, Location, Problem, Result, STAGING};
 
-/// Start of the names of staging folders; the lock file of each ends in `.lock`.
-const PREFIX: &str = ".staging-";
 /// Renamed last, so that it never refers to files that are not there yet.
 const LAST: &str = "result.json";
 
@@ -61,7 +59,7 @@ impl Staging {
         }
         fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
         remove_leftovers(dir)?;
-        let name = format!("{PREFIX}{}", unique());
+        let name = format!("{STAGING}{}", unique());
         let folder = dir.join(&name);
         let lock_path = dir.join(format!("{name}.lock"));
         // Another process may take the new file for a leftover and remove it before it is locked.
@@ -194,7 +192,7 @@ pub fn names_in(dir: &Path) -> BTreeSet<PathBuf> {
     let entries = fs::read_dir(dir).into_iter().flatten().flatten();
     let names = entries.map(|entry| PathBuf::from(entry.file_name()));
     names
-        .filter(|name| !name.to_string_lossy().starts_with(PREFIX))
+        .filter(|name| !name.to_string_lossy().starts_with(STAGING))
         .collect()
 }
 
@@ -238,7 +236,7 @@ fn remove_leftovers(dir: &Path) -> Result<()> {
         };
         let Some(folder) = name
             .strip_suffix(".lock")
-            .filter(|name| name.starts_with(PREFIX))
+            .filter(|name| name.starts_with(STAGING))
         else {
             continue;
         };

@@ -248,3 +248,27 @@ fn all_paths_to_a_folder_share_its_stages() {
         assert_eq!(finished.folder(), folder);
     }
 }
+
+#[test]
+fn only_a_job_with_a_kept_stage_can_go_on() {
+    let case = Case::new();
+    let inputs = || Inputs::read(vec![case.input()], &Silent).unwrap();
+    let options = Options {
+        out: case.out(),
+        seed: None,
+        fresh: false,
+        kept: Vec::new(),
+    };
+    let key = Key::default().with(&1.0);
+    for (is_blocked, can_go_on) in [(true, false), (false, true)] {
+        if is_blocked {
+            fs::write(case.finished(), "a file of the user").unwrap();
+        }
+        let job = Job::new(&options, &[case.input()], &[RESULT], &Silent).unwrap();
+        let mut job = job.with_finished(Finished::beside(&case.out(), inputs(), false));
+        assert!(!job.can_go_on());
+        job.once("read", &key, |_| Ok(7.0)).unwrap();
+        assert_eq!(job.can_go_on(), can_go_on);
+        fs::remove_file(case.finished()).unwrap_or_default();
+    }
+}
