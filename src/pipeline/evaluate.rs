@@ -130,17 +130,22 @@ fn rows(errors: &TrajectoryErrors, over: Over) -> Vec<ErrorRow> {
 }
 
 fn summary(files: &TrajectoryFiles, errors: &TrajectoryErrors, rows: &[ErrorRow]) -> String {
-    let mut out = format!(
-        "{:<32}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}\n",
-        "", "RMSE", "mean", "median", "std", "least", "most"
-    );
-    for row in rows {
+    let head = ["RMSE", "mean", "median", "std", "least", "most"].map(str::to_owned);
+    let mut lines = vec![(String::new(), head)];
+    lines.extend(rows.iter().map(|row| {
         let name = format!("{} ({})", row.name, row.unit);
-        let cells = row.values.map(|value| number::significant(value, 3));
+        (name, row.values.map(|value| number::significant(value, 3)))
+    }));
+    let cells = lines.iter().flat_map(|(_, cells)| cells);
+    let widest = cells.map(|cell| cell.chars().count()).max().unwrap_or(0);
+    // At least two blanks stand between columns.
+    let width = (widest + 2).max(10);
+    let mut out = String::new();
+    for (name, cells) in lines {
         // Writing to a String cannot fail.
         let _ = write!(out, "{name:<32}");
         for cell in cells {
-            let _ = write!(out, "{cell:>10}");
+            let _ = write!(out, "{cell:>width$}");
         }
         out.push('\n');
     }

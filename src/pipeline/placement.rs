@@ -200,7 +200,12 @@ pub fn georeference(
     Ok(Outcome {
         result,
         verdicts: Some(verdicts),
-        summary: format!("{} clouds, {}", files.len(), placement.description()),
+        summary: format!(
+            "{} cloud{}, {}",
+            files.len(),
+            if files.len() == 1 { "" } else { "s" },
+            placement.description()
+        ),
         files,
     })
 }

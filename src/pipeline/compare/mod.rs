@@ -5,6 +5,7 @@ mod cloud;
 mod columns;
 mod table;
 
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -12,6 +13,7 @@ use serde_json::json;
 use super::{Options, Outcome, page, scales};
 use crate::comparison::{Aggregation, ComparisonSettings, Statistics};
 use crate::error::{Error, Problem, Result};
+use crate::format::CloudRows;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 use crate::report;
@@ -37,7 +39,8 @@ pub fn compare(
     let staging = options.staging(&comparison.inputs(), &names)?;
     let work = tiles::compare(comparison, &staging, progress)?;
     let settings = &work.settings;
-    let statistics = Statistics::of(&work.m3c2).map_err(|error| with_options(error, settings))?;
+    let statistics =
+        Statistics::of(&work.m3c2).map_err(|error| with_options(error, settings, comparison))?;
     let start = Instant::now();
     table::write(&staging.path("m3c2.csv"), &work.m3c2)?;
     cloud::write(
@@ -78,7 +81,7 @@ pub fn compare(
 }
 
 /// The error of clouds that do not overlap, with the options of the command as its remedy; any other as it is.
-fn with_options(error: Error, settings: &ComparisonSettings) -> Error {
+fn with_options(error: Error, settings: &ComparisonSettings, comparison: &Comparison) -> Error {
     match error {
         Error::Data {
             kind: kind @ Problem::NoOverlap,
@@ -86,7 +89,7 @@ fn with_options(error: Error, settings: &ComparisonSettings) -> Error {
             ..
         } => Error::of(
             kind,
-            problem,
+            problem + &other_unit(comparison),
             format!(
                 "check that both clouds are in the same frame and overlap; if they lie more than {} m apart, give more with \
                  --max-distance-m; if their points lie far apart, wider neighbourhoods and cylinders with \
@@ -96,8 +99,44 @@ fn with_options(error: Error, settings: &ComparisonSettings) -> Error {
                 settings.cylinder_radius_m
             ),
         ),
+        Error::Data {
+            kind: kind @ Problem::TooFew,
+            problem,
+            ..
+        } => Error::of(
+            kind,
+            problem,
+            format!(
+                "give a reference with more points, or wider neighbourhoods with --normal-radii-m (here {} m)",
+                scales::list(&settings.normal_radii_m)
+            ),
+        ),
         other => other,
     }
+}
+
+/// What to say of clouds one of which is some 1000 times as large as the other; empty for others.
+fn other_unit(comparison: &Comparison) -> String {
+    const SIZES: std::ops::Range<f64> = 300.0..3000.0;
+    let size = |path: &Path| -> Option<f64> {
+        let rows = CloudRows::open(path).ok()?;
+        Some((rows.shape().high - rows.shape().low).norm())
+    };
+    let sizes = size(&comparison.reference).zip(size(&comparison.cloud));
+    let ratio = sizes.map_or(1.0, |(reference, cloud)| cloud / reference);
+    let (large, small) = if SIZES.contains(&ratio) {
+        (&comparison.cloud, &comparison.reference)
+    } else if SIZES.contains(&ratio.recip()) {
+        (&comparison.reference, &comparison.cloud)
+    } else {
+        return String::new();
+    };
+    format!(
+        "; {} is {:.0} times as large as {}: is it in millimetres?",
+        large.display(),
+        ratio.max(ratio.recip()),
+        small.display()
+    )
 }
 
 /// Number of distances whose computed normals lie across the direction that they are oriented towards.

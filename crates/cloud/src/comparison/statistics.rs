@@ -73,6 +73,17 @@ fn no_overlap(comparison: &M3c2) -> Error {
     let without_normal = core.iter().filter(|core| core.normal.x.is_nan()).count();
     let reference = core.iter().filter(|core| core.reference_count > 0).count();
     let compared = core.iter().filter(|core| core.compared_count > 0).count();
+    if without_normal == core.len() {
+        return Error::of(
+            Problem::TooFew,
+            format!(
+                "none of {} core points has a normal: too few points of the reference lie within the normal radii around \
+                 them",
+                core.len()
+            ),
+            "raise normal_radii_m, or give a reference with more points",
+        );
+    }
     Error::of(
         Problem::NoOverlap,
         format!(

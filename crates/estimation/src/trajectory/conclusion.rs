@@ -264,10 +264,10 @@ fn report_rejections(rejections: &[Rejection], progress: &dyn Progress) {
         }
     }
     for (sensor, reason, all) in groups {
-        progress.warn(&format!(
-            "{} records of {sensor} are excluded: {reason}",
-            all.len()
-        ));
+        progress.warn(&match all.len() {
+            1 => format!("1 record of {sensor} is excluded: {reason}"),
+            count => format!("{count} records of {sensor} are excluded: {reason}"),
+        });
         for rejection in all {
             let size = rejection
                 .normalised

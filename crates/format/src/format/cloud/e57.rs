@@ -23,13 +23,20 @@ pub(crate) const E57: Kind = Kind {
 };
 
 fn problem(path: &Path, error: impl std::fmt::Display) -> Error {
-    Error::format(
-        path,
-        Location::Whole,
-        error.to_string(),
-        "an undamaged E57 file",
-    )
+    let text = error.to_string();
+    // The decoder takes a page with a wrong checksum for the end of the file.
+    let found = match text.find(CHECKSUM) {
+        Some(at) => {
+            let page = text[at..].split(" for ").nth(1).unwrap_or("a page");
+            format!("a wrong checksum of {page}: the file is damaged")
+        }
+        None => text,
+    };
+    Error::format(path, Location::Whole, found, "an undamaged E57 file")
 }
+
+/// What the decoder says of a page whose checksum is wrong.
+const CHECKSUM: &str = "invalid checksum";
 
 /// Opens a file and checks its header; also returns its size in bytes.
 fn open(input: &Input) -> Result<(Stream, u64)> {

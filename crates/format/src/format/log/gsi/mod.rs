@@ -289,7 +289,7 @@ fn take(word: &Word<'_>, point: &mut GsiPoint, date: &mut Date) -> Outcome<()> {
 /// code.
 pub fn looks_like(start: &[u8]) -> bool {
     let line = start
-        .split(|byte| *byte == b'\n')
+        .split(|byte| matches!(byte, b'\r' | b'\n'))
         .find(|line| !line.trim_ascii().is_empty());
     let Some(Ok(line)) = line.map(std::str::from_utf8) else {
         return false;
@@ -349,7 +349,10 @@ pub fn read_positions(input: &Input, observations: &Observations) -> Result<Posi
         let Some(fix) = fix else { continue };
         let Some(time_s) = point.time_s() else {
             return error(
-                format!("point {} without date and time", point.name),
+                match point.name.as_str() {
+                    "" => "a point without a number, and without date and time".to_owned(),
+                    name => format!("point {name} without date and time"),
+                },
                 "words 560, 561 and 562, or 17 and 19, in every block",
             );
         };

@@ -40,7 +40,11 @@ use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind};
 use crate::format::left_out::{DAMAGED, NOT_FIXED, WRONG_CHECKSUM};
-use crate::sensor::HeadingFix;
+use crate::format::text::civil::DAY_S;
+use crate::sensor::{HeadingFix, Timed};
+
+/// Times since 1970 are larger than those of a log without a date, seconds.
+const LONGEST_LOG_S: f64 = 1e7;
 
 pub(crate) const LOG: Kind = Kind {
     signature: Some(|start| looks_like(start.bytes)),
@@ -108,8 +112,7 @@ fn looks_like(start: &[u8]) -> bool {
 
 /// The error for a log without the wanted records.
 fn no_records(path: &Path, skipped: &Skipped, expected: &str) -> Error {
-    let found = format!("only {skipped}");
-    Error::format(path, Location::Whole, found, expected)
+    Error::format(path, Location::Whole, skipped.to_string(), expected)
 }
 
 /// Reads the headings of a log and counts skipped sentences. Of the sentences with headings, only the most frequent
@@ -192,6 +195,7 @@ fn read_heading_log(input: &Input) -> Result<NmeaLog<HeadingFix>> {
 /// Those of [`read_heading_log`].
 fn read_heading(input: &Input) -> Result<Vec<HeadingFix>> {
     let log = read_heading_log(input)?;
+    remark_on_midnight(input, &log.records);
     log.skipped.lost.remark(input, "NMEA sentences");
     Ok(log.records)
 }
@@ -227,6 +231,17 @@ fn contents(input: &Input) -> Result<String> {
     } else {
         all.join("; ")
     })
+}
+
+/// Says of a log without a date that it passes midnight.
+fn remark_on_midnight<T: Timed>(input: &Input, records: &[T]) {
+    let last_s = records
+        .iter()
+        .map(T::time_s)
+        .fold(f64::NEG_INFINITY, f64::max);
+    if (DAY_S..LONGEST_LOG_S).contains(&last_s) {
+        input.remark("the log has no date and passes midnight: its times continue past 86400 s");
+    }
 }
 
 /// The end of the line of each sentence with a time, in bytes from the start of the file, and that time.

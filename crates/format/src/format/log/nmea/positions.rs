@@ -5,7 +5,7 @@ use std::path::Path;
 use super::clock::{Clock, Moment};
 use super::fields::{KSXT, Place, Sentence};
 use super::skipped::{Skipped, UNDATED, WITHOUT_FIX, WITHOUT_SEPARATION};
-use super::{NmeaLog, no_records, scan};
+use super::{NmeaLog, no_records, remark_on_midnight, scan};
 use crate::error::{Error, Location, Result};
 use crate::format::input::Input;
 use crate::geometry::Vec3;
@@ -152,6 +152,7 @@ pub(super) fn read_position_log(input: &Input) -> Result<NmeaLog<GeographicFix>>
 /// Those of [`read_position_log`].
 pub(super) fn read_positions(input: &Input) -> Result<Vec<GeographicFix>> {
     let log = read_position_log(input)?;
+    remark_on_midnight(input, &log.records);
     log.skipped.lost.remark(input, "NMEA sentences");
     Ok(log.records)
 }

@@ -24,10 +24,11 @@ pub(super) struct Skipped {
 
 impl fmt::Display for Skipped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} sentences of other types", self.other)?;
-        match self.lost.total() {
-            0 => Ok(()),
-            _ => write!(f, ", {}", self.lost),
+        match (self.other, self.lost.total()) {
+            (0, 0) => write!(f, "no sentence that can be used"),
+            (0, _) => write!(f, "sentences that cannot be used: {}", self.lost),
+            (other, 0) => write!(f, "{other} sentences of other types"),
+            (other, _) => write!(f, "{other} sentences of other types, {}", self.lost),
         }
     }
 }
