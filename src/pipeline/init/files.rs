@@ -121,7 +121,9 @@ pub fn sorted(folder: &Path) -> Result<SortedFiles> {
     for (list, parts) in &wholes {
         let path = list.strip_prefix(folder).unwrap_or(list);
         let count = parts.len();
-        sorted.use_as(path, |serves| format!("{serves}, with {count} files beside it"));
+        sorted.use_as(path, |serves| {
+            format!("{serves}, with {count} files beside it")
+        });
     }
     sorted.leave_out_other_sensors();
     Ok(sorted)

@@ -5,3 +5,4 @@ mod clouds;
 mod logs;
 mod logs_recordings;
 mod navigation;
+mod relatives;

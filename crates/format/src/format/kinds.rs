@@ -5,7 +5,7 @@ use super::{cloud, las, log, mountings, poses, profiles, project_file, ros};
 
 /// All formats in the order in which detection tries them: first those with unique signatures; tables with
 /// more columns before tables with fewer.
-pub(crate) const KINDS: [&Kind; 47] = [
+pub(crate) const KINDS: [&Kind; 49] = [
     &las::kind::LAS,
     &las::kind::LAZ,
     &cloud::ply::PLY,

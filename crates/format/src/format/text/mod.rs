@@ -7,5 +7,5 @@ pub(super) mod numerals;
 pub(super) mod table;
 pub(super) mod unit;
 pub(super) mod whole_lines;
-pub(super) mod yaml;
 mod windows;
+pub(super) mod yaml;
