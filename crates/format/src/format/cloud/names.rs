@@ -75,7 +75,7 @@ const NAMES: [(&str, Meaning); 38] = [
 ];
 
 /// Names of times, without differences of spelling, behind which a unit may stand.
-const TIMES: [&str; 5] = ["timestamp", "gpstime", "time", "times", "zeit"];
+const TIMES: [&str; 4] = ["timestamp", "gpstime", "time", "times"];
 
 /// Units in brackets or behind the last `_`, and their lengths in metres or durations in seconds.
 const UNITS: [(&str, f64); 24] = [
