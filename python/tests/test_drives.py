@@ -55,7 +55,7 @@ def test_headings_may_be_left_out_and_records_out_of_order_are_said(drive):
     assert len(without) == len(of_logs(drive))
     imu = sensor_logs(drive)["imu"].copy()
     imu[[100, 101]] = imu[[101, 100]]
-    with pytest.warns(boresight.BoresightWarning, match="1 records of imu are excluded: time out of order"):
+    with pytest.warns(boresight.BoresightWarning, match="1 record of imu is excluded: time out of order"):
         of_logs(drive, imu=imu)
     with pytest.raises(boresight.TooFewError, match="0 samples"):
         of_logs(drive, imu=imu[:0])
