@@ -355,7 +355,7 @@ fn read_frame_log(path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks that salvaging accounts for every byte of the input. A recording of ROS loses its index, or gains an end:
+/// Checks that salvaging accounts for every byte of the input, if that is not compressed. A recording of ROS loses its index, or gains an end:
 /// its copy is whole.
 fn salvage(path: &Path) -> Result<()> {
     let is_recording = format::detect(path).is_ok_and(|found| found.id() == "ros-bag");
@@ -364,6 +364,9 @@ fn salvage(path: &Path) -> Result<()> {
     let second = outcome.is_ok().then(|| format::salvage(&kept, &again));
     let size = |path: &Path| std::fs::metadata(path).map_or(0, |found| found.len());
     let [whole, copy] = [path, &kept].map(size);
+    let start = std::fs::read(path).unwrap_or_default();
+    let is_packed =
+        start.starts_with(&[0x1f, 0x8b]) || start.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]);
     let copies = [&kept, &again].map(|path| std::fs::read(path).unwrap_or_default());
     let _ = std::fs::remove_file(kept);
     let _ = std::fs::remove_file(again);
@@ -372,7 +375,7 @@ fn salvage(path: &Path) -> Result<()> {
         let second = second.expect("a copy").expect("a recording");
         assert_eq!((second.kept, second.dropped_bytes), (found.kept, 0));
         assert!(copies[0] == copies[1], "a copy of a copy differs");
-    } else {
+    } else if !is_packed {
         assert_eq!(whole, copy + found.dropped_bytes);
     }
     Ok(())

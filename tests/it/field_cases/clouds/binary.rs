@@ -1,5 +1,8 @@
 //! PLY, PCD, `.npy` and E57.
 
+use boresight::geometry::{Rotation, Vec3};
+use boresight::nalgebra::Quaternion;
+
 use super::{INTENSITIES, UTM, assert_points, case, error, read, some};
 
 const TWO: [[f64; 3]; 2] = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]];
@@ -39,24 +42,31 @@ fn points_at_the_scanner_are_left_out() {
 }
 
 #[test]
-fn a_rotation_that_is_none_is_named() {
-    for (name, expected) in [
-        (
-            "e57/zeroquat.e57",
-            "the quaternion (0, 0, 0, 0) of length 0",
-        ),
-        ("e57_quat/pz.e57", "the quaternion (0, 0, 0, 0) of length 0"),
-        (
-            "e57_quat/pu.e57",
-            "the quaternion (1.4605934, 0.3651484, 0.7302968, 1.0954452)",
-        ),
-    ] {
-        let text = error(name);
-        assert!(
-            text.contains(expected) && text.contains("of scan 1"),
-            "{text}"
-        );
-        assert!(text.contains("a unit quaternion"), "{text}");
+fn a_rotation_of_zeros_is_none_and_a_long_one_is_normalised() {
+    let points = [
+        [11.0, 25.0, 30.5],
+        [12.0, 25.0, 31.0],
+        [13.0, 25.0, 31.5],
+        [14.0, 25.0, 32.0],
+    ];
+    let (_, remarks) = assert_points("e57/zeroquat.e57", &points);
+    assert!(remarks.contains("is taken for no rotation"), "{remarks}");
+    let (not_turned, remarks) = read("e57_quat/pz.e57");
+    assert!(
+        remarks.contains("of scan 1 is taken for no rotation"),
+        "{remarks}"
+    );
+    let (turned, remarks) = read("e57_quat/pu.e57");
+    assert!(
+        remarks.contains("of length 2.0000 in the pose of scan 1 is normalised"),
+        "{remarks}"
+    );
+    // The same points, 40 m away, turned about the scanner by (4, 1, 2, 3)/√30, which the file has with eight digits.
+    let scanner = Vec3::new(364_500.0, 5_621_000.0, 60.0);
+    let turn = Rotation::new_normalize(Quaternion::new(4.0, 1.0, 2.0, 3.0));
+    for (before, after) in not_turned.points.iter().zip(&turned.points) {
+        let expected = scanner + turn * (before - scanner);
+        assert!((expected - after).norm() < 1e-5, "{after}");
     }
 }
 

@@ -91,7 +91,7 @@ pub(crate) fn read(input: &Input) -> Result<PointCloud> {
                     format!("{} points in a file of {size} bytes", scan.records),
                 ));
             }
-            let world_from_scanner = scan_pose(input.path(), number, scan)?;
+            let world_from_scanner = scan_pose(input, number, scan)?;
             let mut points = reader
                 .pointcloud_simple(scan)
                 .map_err(|e| problem(input.path(), chain(&e)))?;
@@ -141,32 +141,46 @@ fn left_out(name: &e57::RecordName) -> Option<String> {
     }
 }
 
-/// The pose of a scan, counted from 0.
-fn scan_pose(path: &Path, number: usize, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
+/// A unit quaternion written with three digits is longer or shorter by no more.
+const ROUNDED_LENGTH: f64 = 1e-3;
+
+/// The pose of a scan, counted from 0. A rotation of zeros is that of writers that have none; one of another length than 1
+/// is normalised.
+fn scan_pose(input: &Input, number: usize, scan: &e57::PointCloud) -> Result<WorldFromScanner> {
     let Some(t) = &scan.transform else {
         return Ok(WorldFromScanner::identity());
     };
     let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
-    if q.norm().is_nan() || (q.norm() - 1.0).abs() > 1e-3 {
-        let name = scan.name.as_deref().map(|name| format!(" `{name}`"));
+    let length = q.norm();
+    let name = scan.name.as_deref().map(|name| format!(" `{name}`"));
+    let quaternion = format!(
+        "the quaternion ({}, {}, {}, {}) of length {length:.4} in the pose of scan {}{}",
+        q.w,
+        q.i,
+        q.j,
+        q.k,
+        number + 1,
+        name.unwrap_or_default()
+    );
+    let rotation = if !length.is_finite() {
+        let expected = "a unit quaternion (w, x, y, z), as a rotation is in E57";
         return Err(Error::format(
-            path,
+            input.path(),
             Location::Whole,
-            format!(
-                "the quaternion ({}, {}, {}, {}) of length {} in the pose of scan {}{}",
-                q.w,
-                q.i,
-                q.j,
-                q.k,
-                q.norm(),
-                number + 1,
-                name.unwrap_or_default()
-            ),
-            "a unit quaternion (w, x, y, z), as a rotation is in E57; (1, 0, 0, 0) turns nothing",
+            quaternion,
+            expected,
         ));
-    }
+    } else if length == 0.0 {
+        input.remark(format!("{quaternion} is taken for no rotation"));
+        Rotation::identity()
+    } else {
+        if (length - 1.0).abs() > ROUNDED_LENGTH {
+            input.remark(format!("{quaternion} is normalised"));
+        }
+        Rotation::new_normalize(q)
+    };
     let t = Vec3::new(t.translation.x, t.translation.y, t.translation.z);
-    Ok(WorldFromScanner::new(Rotation::new_normalize(q), t))
+    Ok(WorldFromScanner::new(rotation, t))
 }
 
 /// An error with its causes.
