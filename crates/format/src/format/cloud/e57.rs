@@ -152,30 +152,32 @@ fn scan_pose(input: &Input, number: usize, scan: &e57::PointCloud) -> Result<Wor
     };
     let q = nalgebra::Quaternion::new(t.rotation.w, t.rotation.x, t.rotation.y, t.rotation.z);
     let length = q.norm();
-    let name = scan.name.as_deref().map(|name| format!(" `{name}`"));
-    let quaternion = format!(
-        "the quaternion ({}, {}, {}, {}) of length {length:.4} in the pose of scan {}{}",
-        q.w,
-        q.i,
-        q.j,
-        q.k,
-        number + 1,
-        name.unwrap_or_default()
-    );
+    let quaternion = || {
+        let name = scan.name.as_deref().map(|name| format!(" `{name}`"));
+        format!(
+            "the quaternion ({}, {}, {}, {}) of length {length:.4} in the pose of scan {}{}",
+            q.w,
+            q.i,
+            q.j,
+            q.k,
+            number + 1,
+            name.unwrap_or_default()
+        )
+    };
     let rotation = if !length.is_finite() {
         let expected = "a unit quaternion (w, x, y, z), as a rotation is in E57";
         return Err(Error::format(
             input.path(),
             Location::Whole,
-            quaternion,
+            quaternion(),
             expected,
         ));
     } else if length == 0.0 {
-        input.remark(format!("{quaternion} is taken for no rotation"));
+        input.remark(format!("{} is taken for no rotation", quaternion()));
         Rotation::identity()
     } else {
         if (length - 1.0).abs() > ROUNDED_LENGTH {
-            input.remark(format!("{quaternion} is normalised"));
+            input.remark(format!("{} is normalised", quaternion()));
         }
         Rotation::new_normalize(q)
     };

@@ -5,14 +5,14 @@
 //! longitudes in degrees with decimals; an export profile may have others, in any order. Headings count clockwise from
 //! true north, roll is positive with the right side down, pitch with the nose up. Times are seconds of the GPS week.
 
+use super::layout::{Layout, all};
 use crate::error::{Error, Result};
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
 use crate::format::left_out::LeftOut;
 use crate::format::poses::order::Order;
 use crate::format::text::lines::Lines;
-use crate::geometry::Vec3;
-use crate::sensor::{GeographicPose, NavigationAngles, NavigationSigma};
+use crate::sensor::GeographicPose;
 
 pub(crate) const EXPORT: Kind = Kind {
     signature: Some(looks_like),
@@ -58,71 +58,38 @@ fn looks_like(start: &Start<'_>) -> bool {
     start.contains(b"Inertial Explorer") && start.contains(b"GPSTime")
 }
 
-/// Where the values of a pose are in a row.
-struct Layout {
-    width: usize,
-    needed: [usize; 7],
-    velocity: Option<[usize; 3]>,
-    sigma: Option<[usize; 6]>,
-}
-
-impl Layout {
-    /// The layout that two lines with names and units give; the error is a column that is missing or has another unit.
-    fn of(names: &[&str], units: &[&str]) -> std::result::Result<Self, String> {
-        // The last columns may have no unit, such as the quality.
-        let has_units = units.len() >= names.len().saturating_sub(UNITLESS);
-        if !has_units || units.len() > names.len() {
-            return Err(format!(
-                "{} names of columns above {} units",
-                names.len(),
-                units.len()
-            ));
-        }
-        let find = |(name, unit): (&str, &str)| {
-            let at = names.iter().position(|known| *known == name);
-            let at = at.ok_or_else(|| format!("no column {name}"))?;
-            match units.get(at) {
-                Some(found) if *found == unit => Ok(at),
-                found => Err(format!(
-                    "the column {name} in {}",
-                    found.unwrap_or(&"no unit")
-                )),
-            }
-        };
-        let mut needed = [0; 7];
-        for (at, wanted) in needed.iter_mut().zip(NEEDED) {
-            *at = find(wanted)?;
-        }
-        let all = |wanted: &[(&str, &str)]| -> Option<Vec<usize>> {
-            wanted.iter().map(|wanted| find(*wanted).ok()).collect()
-        };
-        Ok(Self {
-            width: names.len(),
-            needed,
-            velocity: all(&VELOCITY).and_then(|at| at.try_into().ok()),
-            sigma: all(&SIGMA).and_then(|at| at.try_into().ok()),
-        })
+/// The layout that two lines with names and units give; the error is a column that is missing or has another unit.
+fn layout(names: &[&str], units: &[&str]) -> std::result::Result<Layout, String> {
+    // The last columns may have no unit, such as the quality.
+    let has_units = units.len() >= names.len().saturating_sub(UNITLESS);
+    if !has_units || units.len() > names.len() {
+        return Err(format!(
+            "{} names of columns above {} units",
+            names.len(),
+            units.len()
+        ));
     }
-
-    fn pose(&self, row: &[f64]) -> GeographicPose {
-        let [time_s, latitude, longitude, height_m, roll, pitch, heading] =
-            self.needed.map(|at| row[at]);
-        let sigma = self.sigma.map(|at| at.map(|at| row[at]));
-        // Zero stands for an unknown standard deviation.
-        let sigma = sigma.filter(|values| values.iter().all(|value| *value > 0.0));
-        GeographicPose {
-            time_s,
-            latitude_rad: latitude.to_radians(),
-            longitude_rad: longitude.to_radians(),
-            height_m,
-            angles: NavigationAngles::from_deg([roll, pitch, heading]),
-            velocity_m_s: self.velocity.map(|at| Vec3::from(at.map(|at| row[at]))),
-            sigma: sigma.map(|[east, north, up, roll, pitch, heading]| NavigationSigma {
-                position_m: Vec3::new(east, north, up),
-                angles: NavigationAngles::from_deg([roll, pitch, heading]),
-            }),
+    let find = |(name, unit): (&str, &str)| {
+        let at = names.iter().position(|known| *known == name);
+        let at = at.ok_or_else(|| format!("no column {name}"))?;
+        match units.get(at) {
+            Some(found) if *found == unit => Ok(at),
+            found => Err(format!(
+                "the column {name} in {}",
+                found.unwrap_or(&"no unit")
+            )),
         }
+    };
+    let mut needed = [0; 7];
+    for (at, wanted) in needed.iter_mut().zip(NEEDED) {
+        *at = find(wanted)?;
     }
+    Ok(Layout {
+        width: names.len(),
+        needed,
+        velocity: all(VELOCITY.map(|wanted| find(wanted).ok())),
+        sigma: all(SIGMA.map(|wanted| find(wanted).ok())),
+    })
 }
 
 /// Reads the poses, in the order of the file.
@@ -141,12 +108,7 @@ fn read(input: &Input) -> Result<Vec<GeographicPose>> {
             left_out.add("with values that are no numbers");
             continue;
         }
-        let pose = layout.pose(&cells);
-        order.add(pose.time_s, |found, expected| lines.error(found, expected));
-        if let Err(found) = pose.check() {
-            return Err(lines.error(found, "latitudes within ±90° and longitudes within ±360°"));
-        }
-        poses.push(pose);
+        layout.add(&cells, &lines, &mut order, &mut poses)?;
     }
     order.finish()?;
     input.remark("times are as in the file, seconds of the GPS week".to_owned());
@@ -170,7 +132,7 @@ fn read_header(lines: &mut Lines) -> Result<Layout> {
             break;
         }
         let units: Vec<&str> = lines.text().split_ascii_whitespace().collect();
-        return Layout::of(&names, &units).map_err(|found| wrong(lines, found));
+        return layout(&names, &units).map_err(|found| wrong(lines, found));
     }
     Err(wrong(lines, "no line that names the columns".to_owned()))
 }
@@ -179,6 +141,7 @@ fn read_header(lines: &mut Lines) -> Result<Layout> {
 mod tests {
     use super::*;
     use crate::format::{detect, read_geographic_poses};
+    use crate::sensor::NavigationAngles;
 
     const TEXT: &str = "Project:     a field\nProgram:     Inertial Explorer Version 8.90\nDatum:       WGS84\n\
         \x20     GPSTime       Latitude      Longitude        H-Ell           Roll          Pitch        Heading Q\n\

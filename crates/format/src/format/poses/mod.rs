@@ -2,6 +2,7 @@
 
 pub(super) mod bonn_trajectory;
 pub(super) mod inertial_explorer;
+mod layout;
 pub(super) mod navigation;
 pub(super) mod order;
 pub(super) mod pospac;

@@ -6,14 +6,14 @@
 //! true north as in SBET, not from the north of the grid. Roll is positive with the right side down, pitch with the nose
 //! up. Times are those of the file, most often seconds of the GPS week.
 
+use super::layout::{Layout, all};
 use crate::error::Result;
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
 use crate::format::kind::{Frame, Kind, Start};
 use crate::format::poses::order::Order;
 use crate::format::text::lines::{Lines, Separator};
-use crate::geometry::Vec3;
-use crate::sensor::{GeographicPose, NavigationAngles, NavigationSigma};
+use crate::sensor::GeographicPose;
 
 pub(crate) const EXPORT: Kind = Kind {
     signature: Some(looks_like),
@@ -71,60 +71,22 @@ fn looks_like(start: &Start<'_>) -> bool {
     has_header && lines.next().is_some_and(is_units)
 }
 
-/// Where the values of a pose are in a row.
-struct Layout {
-    width: usize,
-    time: usize,
-    height: usize,
-    /// Latitude, longitude, roll, pitch, heading.
-    needed: [usize; 5],
-    velocity: Option<[usize; 3]>,
-    sigma: Option<[usize; 6]>,
-}
-
-impl Layout {
-    /// The layout that a header names. The error is the name of a column that is missing.
-    fn of(names: &[String]) -> std::result::Result<Self, &'static str> {
-        let find = |wanted: &str| names.iter().position(|name| name == wanted);
-        let need = |wanted: &'static str| find(wanted).ok_or(wanted);
-        let [latitude, longitude, roll, pitch, heading] = NEEDED.map(need);
-        let longitude = longitude?;
-        // The height that belongs to latitude and longitude follows them.
-        let height = Some(longitude + 1).filter(|at| names.get(*at).is_some_and(|n| n == HEIGHT));
-        let all = |wanted: &[&str]| {
-            wanted
-                .iter()
-                .map(|name| find(name))
-                .collect::<Option<Vec<_>>>()
-        };
-        Ok(Self {
-            width: names.len(),
-            time: need("TIME")?,
-            height: height.ok_or("ELLIPSOID HEIGHT behind LONGITUDE")?,
-            needed: [latitude?, longitude, roll?, pitch?, heading?],
-            velocity: all(&VELOCITY).and_then(|at| at.try_into().ok()),
-            sigma: all(&SIGMA).and_then(|at| at.try_into().ok()),
-        })
-    }
-
-    fn pose(&self, row: &[f64]) -> GeographicPose {
-        let [latitude, longitude, roll, pitch, heading] = self.needed.map(|at| row[at]);
-        let sigma = self.sigma.map(|at| at.map(|at| row[at]));
-        // Zero stands for an unknown standard deviation.
-        let sigma = sigma.filter(|values| values.iter().all(|value| *value > 0.0));
-        GeographicPose {
-            time_s: row[self.time],
-            latitude_rad: latitude.to_radians(),
-            longitude_rad: longitude.to_radians(),
-            height_m: row[self.height],
-            angles: NavigationAngles::from_deg([roll, pitch, heading]),
-            velocity_m_s: self.velocity.map(|at| Vec3::from(at.map(|at| row[at]))),
-            sigma: sigma.map(|[east, north, up, roll, pitch, heading]| NavigationSigma {
-                position_m: Vec3::new(east, north, up),
-                angles: NavigationAngles::from_deg([roll, pitch, heading]),
-            }),
-        }
-    }
+/// The layout that a header names. The error is the name of a column that is missing.
+fn layout(names: &[String]) -> std::result::Result<Layout, &'static str> {
+    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    let need = |wanted: &'static str| find(wanted).ok_or(wanted);
+    let [latitude, longitude, roll, pitch, heading] = NEEDED.map(need);
+    let longitude = longitude?;
+    // The height that belongs to latitude and longitude follows them.
+    let height = Some(longitude + 1).filter(|at| names.get(*at).is_some_and(|n| n == HEIGHT));
+    let time = need("TIME")?;
+    let height = height.ok_or("ELLIPSOID HEIGHT behind LONGITUDE")?;
+    Ok(Layout {
+        width: names.len(),
+        needed: [time, latitude?, longitude, height, roll?, pitch?, heading?],
+        velocity: all(VELOCITY.map(find)),
+        sigma: all(SIGMA.map(find)),
+    })
 }
 
 /// Reads the poses, in the order of the file.
@@ -139,12 +101,7 @@ fn read(input: &Input) -> Result<Vec<GeographicPose>> {
     let mut order = Order::default();
     let expected = || format!("{} finite numbers, as the header names", layout.width);
     while lines.next_numbers(&mut cells, |n| n == layout.width, expected)? {
-        let pose = layout.pose(&cells);
-        order.add(pose.time_s, |found, expected| lines.error(found, expected));
-        if let Err(found) = pose.check() {
-            return Err(lines.error(found, "latitudes within ±90° and longitudes within ±360°"));
-        }
-        poses.push(pose);
+        layout.add(&cells, &lines, &mut order, &mut poses)?;
     }
     if poses.is_empty() {
         return Err(nothing_in(input.path(), "pose"));
@@ -174,7 +131,7 @@ fn read_header(input: &Input, lines: &mut Lines) -> Result<Layout> {
             }
             continue;
         }
-        let layout = Layout::of(&names).map_err(|missing| {
+        let layout = layout(&names).map_err(|missing| {
             let expected = "an export with LATITUDE, LONGITUDE and ELLIPSOID HEIGHT: the heading counts from true \
                             north, and the system of easting and northing is not known";
             lines.error(format!("no column {missing}"), expected)
@@ -201,7 +158,8 @@ mod tests {
     use super::*;
     use crate::format::{detect, read_projected_trajectory, read_trajectory};
     use crate::geometry::attitude::roll_pitch_heading;
-    use crate::geometry::{BodyAxes, Projection};
+    use crate::geometry::{BodyAxes, Projection, Vec3};
+    use crate::sensor::NavigationAngles;
 
     const TEXT: &str = "POSPac MMS\nInput File Time: GPS seconds of week\n\n\
         TIME, DISTANCE, EASTING, NORTHING, ELLIPSOID HEIGHT, LATITUDE, LONGITUDE, ELLIPSOID HEIGHT, ROLL, PITCH, \
