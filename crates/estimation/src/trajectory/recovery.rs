@@ -8,7 +8,7 @@
 
 use super::graph::Graph;
 use super::imu_series::{ImuSeries, SAME_INSTANT_S};
-use super::motion_sums::{Mat9, MotionSums, Transition};
+use super::motion_sums::{Corrected, Mat9, MotionSums, Transition};
 use super::preintegration::Preintegrated;
 use super::states::{ACCEL, ATTITUDE, GYRO, POSITION, State, VELOCITY};
 use crate::adjustment::{NODE, STEP};
@@ -113,12 +113,51 @@ fn propagated(rows: &[[f64; STEP]], unknowns: &[[f64; STEP]; STEP]) -> Mat3 {
     Mat3::from_fn(|a, b| product[a].iter().zip(&rows[b]).map(|(x, y)| x * y).sum())
 }
 
-/// The end of a sample inside a step.
-struct Inside {
+/// What the IMU says of the end of a sample inside a step. It depends on the graph, not on the state, and holds for
+/// standard deviations of the IMU that are not scaled.
+#[derive(Debug)]
+pub struct SampleEnd {
     sums: MotionSums,
-    covariance: Mat9,
-    /// Carries an error at this end to the next.
-    to_next: Option<Transition>,
+    /// Σ_k Φ_jkᵀ Wᵀ with Wᵀ W = Σ_j⁻¹: the correction by the whitened closing error.
+    gain: Mat9,
+    /// Blocks of Σ_k − G_k Σ_j G_kᵀ, both in the body frame at node i: rotation, position.
+    scatter: (Mat3, Mat3),
+}
+
+impl SampleEnd {
+    /// The ends of all samples inside a step, in order of time.
+    pub fn of_step(graph: &Graph, imu: &ImuSeries, step: usize) -> Vec<Self> {
+        let factor = &graph.imu[step];
+        let node_s = &graph.timeline.node_s;
+        let mut running = Preintegrated::new(factor.sums.bias);
+        let mut summed: Vec<(Preintegrated, Transition)> = Vec::new();
+        for piece in imu.pieces(node_s[step], node_s[step + 1]) {
+            let transition = running.add_piece(&piece);
+            summed.push((running.clone(), transition));
+        }
+        let whitener = Mat9::from_fn(|a, b| factor.whitener[a][b]).transpose();
+        // From the last end, which is the next node, to the first, with Φ_jk carried along.
+        let mut ends = Vec::with_capacity(summed.len());
+        let mut carried = Mat9::identity();
+        let mut to_next = None;
+        for (at, transition) in summed.into_iter().rev() {
+            if let Some(to_next) = to_next.replace(transition) {
+                carried = to_next.after(&carried);
+                let gain = at.covariance * carried.transpose() * whitener;
+                let block = |first: usize| {
+                    let share = gain.fixed_rows::<3>(first);
+                    at.covariance.fixed_view::<3, 3>(first, first) - share * share.transpose()
+                };
+                ends.push(Self {
+                    sums: at.sums,
+                    scatter: (block(0), block(3)),
+                    gain,
+                });
+            }
+        }
+        ends.reverse();
+        ends
+    }
 }
 
 /// Recovers the poses of a graph at a state.
@@ -132,7 +171,12 @@ pub struct Recovery<'a> {
 impl Recovery<'_> {
     /// Visits the poses of a step in order: that of its node where a sample begins there, and
     /// those inside it. For the last step also that of the last node.
-    pub fn step(&self, step: usize, mut take: impl FnMut(Recovered)) {
+    pub fn step(&self, step: usize, take: impl FnMut(Recovered)) {
+        self.step_from(step, &SampleEnd::of_step(self.graph, self.imu, step), take);
+    }
+
+    /// As [`Self::step`], given the ends of the samples inside the step.
+    pub fn step_from(&self, step: usize, ends: &[SampleEnd], mut take: impl FnMut(Recovered)) {
         let timeline = &self.graph.timeline;
         let Range {
             start: mut next,
@@ -145,9 +189,7 @@ impl Recovery<'_> {
         }
         let inner = if last_step { end - 1 } else { end };
         if next < inner {
-            for pose in self.inside(step, next..inner).into_iter().rev() {
-                take(pose);
-            }
+            self.inside(step, next..inner, ends, &mut take);
         }
         if last_step {
             take(self.at_node(step, step + 1, end - 1));
@@ -182,31 +224,28 @@ impl Recovery<'_> {
         }
     }
 
-    /// The poses with these indices, which are the ends of samples inside the step, from the last to the
-    /// first.
-    fn inside(&self, step: usize, poses: Range<usize>) -> Vec<Recovered> {
+    /// Visits the poses with these indices, which are the ends of samples inside the step.
+    fn inside(
+        &self,
+        step: usize,
+        poses: Range<usize>,
+        ends: &[SampleEnd],
+        take: &mut impl FnMut(Recovered),
+    ) {
         let (graph, state) = (self.graph, self.state);
         let bias = graph.bias(state, step);
         let (from, to) = (&state.nodes[step], &state.nodes[step + 1]);
         let factor = &graph.imu[step];
         let closing = factor.rows(&state.constants, (from, to), bias, graph.imu_scale);
+        let residual = nalgebra::SVector::<f64, 9>::from(closing.residual);
         let bias = &factor.bias(&state.constants, bias);
-        let whitener = Mat9::from_fn(|a, b| factor.whitener[a][b] / graph.imu_scale);
         let gravity = Vec3::new(0.0, 0.0, -state.constants.gravity_m_s2.value);
         let start = &from.world_from_body;
         let r = start.rotation.to_rotation_matrix().into_inner();
-
-        let ends = self.ends(step, &factor.sums.bias);
-        // From the last end inside to the first, with Φ_jk carried along.
-        let mut carried = Mat9::identity();
         let variance = graph.imu_scale * graph.imu_scale;
-        let mut recovered = Vec::with_capacity(poses.len());
-        for (pose, end) in poses.zip(&ends).rev() {
-            if let Some(transition) = &end.to_next {
-                carried = transition.after(&carried);
-            }
-            let shared = end.covariance * variance * carried.transpose() * whitener.transpose();
-            let correction = shared * nalgebra::SVector::<f64, 9>::from(closing.residual);
+        for (pose, end) in poses.zip(ends) {
+            let gain = end.gain * graph.imu_scale;
+            let correction = gain * residual;
             let part = |at: usize| correction.fixed_rows::<3>(at).into_owned();
             let sums = end.sums.corrected(bias);
             let t = end.sums.duration_s;
@@ -219,11 +258,11 @@ impl Recovery<'_> {
                 from.velocity_m_s + gravity * t + start.rotation * (sums.velocity_m_s + part(6));
             let world_from_body = WorldFromBody::new(rotation, position_m);
 
-            let mut rows = by_sums(&end.sums, bias, &r);
+            let mut rows = by_sums(&end.sums, &sums, bias, &r);
             // The part of the derivative through the closing error.
-            let share_rotation: Mat3x9 = shared.fixed_rows::<3>(0).into_owned();
-            let share_position: Mat3x9 = r * shared.fixed_rows::<3>(3);
-            for (at, share) in [(0, &share_rotation), (3, &share_position)] {
+            let by_rotation: Mat3x9 = gain.fixed_rows::<3>(0).into_owned();
+            let by_position: Mat3x9 = r * gain.fixed_rows::<3>(3);
+            for (at, share) in [(0, &by_rotation), (3, &by_position)] {
                 for a in 0..3 {
                     for (k, source) in closing.by_step.iter().enumerate() {
                         let factor = share[(a, k)];
@@ -233,47 +272,22 @@ impl Recovery<'_> {
                     }
                 }
             }
-            let block = |at: usize| end.covariance.fixed_view::<3, 3>(at, at) * variance;
-            let rotation_scatter = block(0) - share_rotation * share_rotation.transpose();
-            let position_scatter =
-                r * block(3) * r.transpose() - share_position * share_position.transpose();
-            recovered.push(Recovered {
+            let scatter = (
+                end.scatter.0 * variance,
+                r * end.scatter.1 * r.transpose() * variance,
+            );
+            take(Recovered {
                 pose,
                 record: self.record(step, pose, world_from_body, velocity_m_s),
-                support: PoseSupport::Between(Box::new(Between {
-                    rows,
-                    scatter: (rotation_scatter, position_scatter),
-                })),
+                support: PoseSupport::Between(Box::new(Between { rows, scatter })),
             });
         }
-        recovered
-    }
-
-    /// The sums at the end of every sample inside the step.
-    fn ends(&self, step: usize, about: &ImuBias) -> Vec<Inside> {
-        let node_s = &self.graph.timeline.node_s;
-        let mut sums = Preintegrated::new(*about);
-        let mut ends: Vec<Inside> = Vec::new();
-        for piece in self.imu.pieces(node_s[step], node_s[step + 1]) {
-            let transition = sums.add_piece(&piece);
-            if let Some(before) = ends.last_mut() {
-                before.to_next = Some(transition);
-            }
-            ends.push(Inside {
-                sums: sums.sums.clone(),
-                covariance: sums.covariance,
-                to_next: None,
-            });
-        }
-        // The last end is the next node.
-        ends.pop();
-        ends
     }
 }
 
-/// The derivative of a pose with respect to the step's unknowns through the sums alone; `r` is
-/// world_from_body at their node.
-fn by_sums(sums: &MotionSums, bias: &ImuBias, r: &Mat3) -> PoseRows {
+/// The derivative of a pose with respect to the step's unknowns through the sums alone, given the sums corrected to the
+/// bias; `r` is world_from_body at their node.
+fn by_sums(sums: &MotionSums, corrected: &Corrected, bias: &ImuBias, r: &Mat3) -> PoseRows {
     let mut rows = [[0.0; STEP]; POSE];
     let mut put = |row: usize, column: usize, block: &Mat3| {
         for a in 0..3 {
@@ -282,7 +296,6 @@ fn by_sums(sums: &MotionSums, bias: &ImuBias, r: &Mat3) -> PoseRows {
             }
         }
     };
-    let corrected = sums.corrected(bias);
     let turned = corrected.rotation.to_rotation_matrix().into_inner();
     let by_gyro = right_jacobian(&sums.turn(bias)) * sums.bias_block(0, 0);
     put(0, ATTITUDE, &turned.transpose());

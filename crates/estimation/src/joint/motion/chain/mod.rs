@@ -19,6 +19,7 @@ use crate::sensor::PoseRecord;
 use crate::trajectory::PosteriorCovariance;
 use crate::trajectory::graph::{Graph, Source};
 use crate::trajectory::imu_series::ImuSeries;
+use crate::trajectory::recovery::SampleEnd;
 use crate::trajectory::states::State;
 
 /// The part of a sensor's error that is correlated in time.
@@ -47,6 +48,8 @@ pub struct ChainMotion {
     /// For each step, the deviation of the attitude in its middle from the best estimate by the IMU and
     /// both nodes (body axes, radians).
     bridges: Vec<Vec3>,
+    /// What the IMU says between the nodes of each step, once it has been asked for.
+    ends: Arc<[OnceLock<Vec<SampleEnd>>]>,
     /// The poses of each step at this state, once they have been asked for: many passes over the rows need them.
     poses: Arc<[OnceLock<StepPoses>]>,
 }
@@ -79,7 +82,8 @@ impl ChainMotion {
         let correlated = correlated.iter().enumerate().map(process).collect();
         Self {
             bridges: vec![Vec3::zeros(); graph.timeline.steps()],
-            poses: Self::no_poses(graph.timeline.steps()),
+            ends: room(graph.timeline.steps()),
+            poses: room(graph.timeline.steps()),
             graph: Arc::new(graph.clone()),
             imu: Arc::new(imu.clone()),
             state: State {
@@ -94,7 +98,7 @@ impl ChainMotion {
     /// The same chain with the standard deviations of the IMU multiplied by `factor`.
     pub fn with_noise_scaled(mut self, factor: f64) -> Self {
         Arc::make_mut(&mut self.graph).imu_scale *= factor;
-        self.poses = Self::no_poses(self.steps());
+        self.poses = room(self.steps());
         self
     }
 
@@ -245,6 +249,11 @@ impl ChainMotion {
     }
 }
 
+/// Room for a value of each step.
+fn room<T>(steps: usize) -> Arc<[OnceLock<T>]> {
+    (0..steps).map(|_| OnceLock::new()).collect()
+}
+
 /// The correlated error e of one record: its residual r becomes r + W e.
 struct ErrorRows<'a> {
     process: &'a GaussMarkov,
@@ -343,7 +352,7 @@ impl Motion for ChainMotion {
             border: constants.to_vec(),
         };
         let mut moved = self.clone();
-        moved.poses = Self::no_poses(self.steps());
+        moved.poses = room(self.steps());
         moved.state = self.graph.retracted(&self.state, &step);
         for process in moved.correlated.iter_mut().flatten() {
             let (step, rest) = errors.split_at(process.value.len());
@@ -376,11 +385,10 @@ impl Motion for ChainMotion {
         &self,
         covariance: Option<&(dyn Fn(usize, usize) -> Option<DMatrix<f64>> + Sync)>,
     ) -> Vec<PoseRecord> {
-        let recovery = self.recovery();
         let mut records = Vec::with_capacity(self.graph.timeline.pose_s.len());
         for step in 0..self.steps() {
             let unknowns = covariance.and_then(|block| self.step_covariance(step, block));
-            recovery.step(step, |pose| {
+            self.recover(step, |pose| {
                 let record = match &unknowns {
                     Some(unknowns) => pose.with_sigma(unknowns),
                     None => pose.record,

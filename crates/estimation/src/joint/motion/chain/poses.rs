@@ -1,7 +1,6 @@
 //! The poses of a chain between its nodes.
 
 use std::f64::consts::PI;
-use std::sync::{Arc, OnceLock};
 
 use nalgebra::DMatrix;
 
@@ -11,22 +10,19 @@ use crate::geometry::so3::exp;
 use crate::joint::motion::knots::{AT_BRIDGE, Knot, StepPoses, node_derivative};
 use crate::sensor::PoseRecord;
 use crate::trajectory::imu_series::SAME_INSTANT_S;
-use crate::trajectory::recovery::Recovery;
+use crate::trajectory::recovery::{Recovered, Recovery, SampleEnd};
 use crate::trajectory::states::NodeState;
 
 impl ChainMotion {
-    /// Room for the poses of all steps.
-    pub(super) fn no_poses(steps: usize) -> Arc<[OnceLock<StepPoses>]> {
-        (0..steps).map(|_| OnceLock::new()).collect()
-    }
-
-    /// Recovers poses by the IMU at the present state.
-    pub(super) fn recovery(&self) -> Recovery<'_> {
-        Recovery {
+    /// Visits the poses of a step at the present state, by the IMU between its nodes.
+    pub(super) fn recover(&self, step: usize, take: impl FnMut(Recovered)) {
+        let recovery = Recovery {
             graph: &self.graph,
             state: &self.state,
             imu: &self.imu,
-        }
+        };
+        let ends = || SampleEnd::of_step(&self.graph, &self.imu, step);
+        recovery.step_from(step, self.ends[step].get_or_init(ends), take);
     }
 
     /// The value of a step's bridge at a time, as a share of its middle value.
@@ -59,8 +55,9 @@ impl ChainMotion {
                 by: node_derivative(first),
             }
         };
-        let mut knots = vec![at_node(step, 0)];
-        self.recovery().step(step, |pose| {
+        let mut knots = Vec::with_capacity(self.graph.timeline.poses_of(step).len() + 2);
+        knots.push(at_node(step, 0));
+        self.recover(step, |pose| {
             let time_s = pose.record.time_s;
             let inside = time_s > node_s[step] + SAME_INSTANT_S
                 && time_s < node_s[step + 1] - SAME_INSTANT_S;
