@@ -97,9 +97,11 @@ pub fn report(
             });
         }
     };
+    let held = two_steps.observability.hidden();
     let mut input = JointInput {
         mountings: two_steps.mountings.clone(),
         initial: &calibration_drive.rig.mountings,
+        held: &held,
         known: None,
         compliance: &[],
         estimate_latency: latencies(project),
@@ -366,6 +368,7 @@ pub fn with_known_mountings(
         estimate_latency: vec![false; mountings.len()],
         mountings: mountings.clone(),
         initial: mountings,
+        held: &[],
         known: Some(covariance),
         drives: vec![input(drive)?],
         reference: &[],

@@ -100,6 +100,7 @@ fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
     let input = JointInput {
         mountings: two_steps.mountings.clone(),
         initial: &rig.mountings,
+        held: &[],
         known: None,
         compliance: &[],
         estimate_latency: vec![false],

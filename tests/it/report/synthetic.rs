@@ -194,8 +194,11 @@ fn without_height(mut calibration: Calibration, initial: &[BodyFromScanner]) -> 
         }
         mounting.body_from_scanner.translation_m.z = initial.translation_m.z;
     }
+    let direction = DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height)));
     calibration.observability.unobservable = vec![UnobservableDirection {
-        direction: DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height))),
+        constraint: direction.clone(),
+        direction,
+        is_hidden: false,
         share: 1e-6,
         description: "the common height of all scanners".into(),
         parameters: vec![(0, height), (1, height)],

@@ -23,7 +23,7 @@ use super::observability::LEVER_M;
 use super::parameters::{Mounting, change, free_basis, poses, stepped};
 use super::patch::{Patch, patches};
 use super::scale::ScaleProblem;
-use super::settings::{INITIAL_SIGMA_M, INITIAL_SIGMA_RAD};
+use super::settings::initial_sigma;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::statistics::{mean, rms};
@@ -193,12 +193,13 @@ fn normal_equations(
 ///
 /// Directions of which less than [`HELD_SHARE`] of the information remains stay near the initial values: the offsets there
 /// are due to relief. Where clouds end or see different relief, offsets of neighbouring patches err alike, so that the
-/// matrix H of the normal equations says nothing about the covariance of the change δ from the initial values. It is
-/// estimated from how much the blocks b contradict each other,
+/// normal equations say nothing about the covariance of the change δ from the initial values. It is estimated from the
+/// changes δ_b without one of the B blocks each (jackknife),
 ///
-///   C = H⁻¹ (Σ_b s_b s_bᵀ) H⁻¹,  s_b = g_b + H_b δ,
+///   C = (B − 1)/B Σ_b (δ_b − δ) (δ_b − δ)ᵀ,
 ///
-/// and the change is Σ (Σ + C)⁻¹ δ with the covariance Σ of initial values.
+/// and the change is Σ (Σ + C)⁻¹ δ with the covariance Σ of initial values. Without the only block that sees a direction,
+/// the change along it is none: nothing confirms that block.
 fn step(
     blocks: &[NormalEquations],
     initial: &[Mounting],
@@ -207,35 +208,31 @@ fn step(
     let equations = NormalEquations::sum(6 * now.len(), blocks);
     let basis = free_basis(now);
     let so_far = change(initial, now);
-    let ridge = &equations.uncentred * HELD_SHARE;
-    let matrix = &equations.matrix + DMatrix::from_diagonal(&ridge);
-    let gradient = &equations.gradient + ridge.component_mul(&so_far);
-    let factor = (basis.transpose() * matrix * &basis).cholesky()?;
-    let best = -(&basis * factor.solve(&(basis.transpose() * gradient)));
-    let scores = blocks
-        .iter()
-        .map(|block| &block.gradient + &block.matrix * &best);
-    let columns: Vec<DVector<f64>> = scores
-        .map(|score| factor.solve(&(basis.transpose() * score)))
-        .collect();
-    let spread = DMatrix::from_columns(&columns);
+    let ridge = DMatrix::from_diagonal(&(&equations.uncentred * HELD_SHARE));
+    // In coordinates of the basis.
+    let change = |matrix: &DMatrix<f64>, gradient: &DVector<f64>| {
+        let factor = (basis.transpose() * (matrix + &ridge) * &basis).cholesky()?;
+        Some(factor.solve(&(basis.transpose() * (matrix * &so_far - gradient))))
+    };
+    let best = change(&equations.matrix, &equations.gradient)?;
+    let without = |block: &NormalEquations| {
+        let matrix = &equations.matrix - &block.matrix;
+        let change = change(&matrix, &(&equations.gradient - &block.gradient))?;
+        Some(change - &best)
+    };
+    let columns: Option<Vec<DVector<f64>>> = blocks.iter().map(without).collect();
+    let spread = DMatrix::from_columns(&columns?);
+    let count = blocks.len() as f64;
+    let covariance = &spread * spread.transpose() * ((count - 1.0) / count);
     let prior = DMatrix::from_diagonal(&initial_variances(now.len()));
     let prior = basis.transpose() * prior * &basis;
-    let sum = (&prior + &spread * spread.transpose()).cholesky()?;
-    let change = &basis * (prior * sum.solve(&(basis.transpose() * (&so_far + best))));
-    Some(change - so_far)
+    let sum = (&prior + covariance).cholesky()?;
+    Some(&basis * (prior * sum.solve(&best)) - so_far)
 }
 
 /// Variances of initial values, (δp, δφ) of each mounting.
 fn initial_variances(mountings: usize) -> DVector<f64> {
-    DVector::from_fn(6 * mountings, |place, _| {
-        let sigma = if place % 6 < 3 {
-            INITIAL_SIGMA_M
-        } else {
-            INITIAL_SIGMA_RAD
-        };
-        sigma * sigma
-    })
+    DVector::from_fn(6 * mountings, |row, _| initial_sigma(row).powi(2))
 }
 
 #[cfg(test)]
@@ -247,6 +244,7 @@ mod tests {
     use crate::calibration::observability::Observability;
     use crate::calibration::parameters::moved;
     use crate::calibration::scale::Ending;
+    use crate::calibration::settings::INITIAL_SIGMA_M;
     use crate::calibration::{aligned, flattened};
     use crate::geometry::{BodyFromScanner, Rotation, Vec3, WorldFromBody};
     use crate::progress::Silent;
@@ -383,9 +381,35 @@ mod tests {
             step(&blocks, &start, &start).unwrap()[0]
         };
         assert!((shift_m(0.0) - 0.1).abs() < 1e-12);
-        // The mean of eight that are three standard deviations of initial values off has the variance 9/8 of theirs.
-        let expected_m = 0.1 / (1.0 + 9.0 / 8.0);
+        // The mean of eight that are three standard deviations of initial values off has the variance 9/7 of theirs.
+        let expected_m = 0.1 / (1.0 + 9.0 / 7.0);
         assert!((shift_m(3.0 * INITIAL_SIGMA_M) - expected_m).abs() < 1e-12);
+    }
+
+    /// Eight blocks, of which some see that the scanner is 0.1 m off along x, and all that it is not along y.
+    #[test]
+    fn a_block_that_no_other_confirms_moves_less_than_initial_values_are_off() {
+        let start = vec![Mounting::new("scanner", BodyFromScanner::identity())];
+        let shift_m = |seeing: usize| {
+            let blocks: Vec<NormalEquations> = (0..8)
+                .map(|block| {
+                    let mut equations = NormalEquations::zeros(6);
+                    equations.uncentred.fill(1e-6);
+                    equations.matrix.fill_with_identity();
+                    if block < seeing {
+                        equations.gradient[0] = -0.1;
+                    } else {
+                        equations.matrix[(0, 0)] = 0.0;
+                    }
+                    equations
+                })
+                .collect();
+            step(&blocks, &start, &start).unwrap()[0]
+        };
+        // Without it, there is no change: (7/8) (0.1 m)² beside the square of a quarter of that.
+        let expected_m = 0.1 / (1.0 + 7.0 / 8.0 * 16.0);
+        assert!((shift_m(1) - expected_m).abs() < 1e-6, "{}", shift_m(1));
+        assert!((shift_m(2) - 0.1).abs() < 1e-6, "{}", shift_m(2));
     }
 
     #[test]

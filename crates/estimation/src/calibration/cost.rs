@@ -188,18 +188,8 @@ fn members(surface: &Surface, index: usize, axis: &Vec3) -> impl Iterator<Item =
     })
 }
 
-/// Adds the gradient of the cost of one neighbourhood.
-pub fn add_gradient(surface: &Surface, floor_m: f64, index: usize, gradient: &mut DVector<f64>) {
-    let plane = &surface.planes[index];
-    let weight = weight(plane, floor_m, surface.neighbourhoods.k());
-    for member in members(surface, index, &plane.normal) {
-        let mut rows = gradient.fixed_rows_mut::<6>(6 * member.scanner);
-        rows += member.derivative * (weight * member.distance_m);
-    }
-}
-
-/// Sums over the neighbourhoods of one task.
-struct Sums {
+/// Sums over neighbourhoods.
+pub struct Sums {
     gradient: Vec<Vector6<f64>>,
     diagonal_blocks: Vec<Matrix6<f64>>,
     matrix: DMatrix<f64>,
@@ -207,7 +197,8 @@ struct Sums {
 }
 
 impl Sums {
-    fn new(scanners: usize) -> Self {
+    /// Those of none.
+    pub fn new(scanners: usize) -> Self {
         Self {
             gradient: vec![Vector6::zeros(); scanners],
             diagonal_blocks: vec![Matrix6::zeros(); scanners],
@@ -217,7 +208,7 @@ impl Sums {
     }
 
     /// Adds a neighbourhood with distances along `axis`.
-    fn add(&mut self, surface: &Surface, index: usize, axis: &Vec3, weight: f64) {
+    pub fn add(&mut self, surface: &Surface, index: usize, axis: &Vec3, weight: f64) {
         self.derivative.fill(Vector6::zeros());
         for member in members(surface, index, axis) {
             let (scanner, derivative) = (member.scanner, member.derivative);
@@ -242,7 +233,8 @@ impl Sums {
         }
     }
 
-    fn finish(mut self) -> NormalEquations {
+    /// Their normal equations.
+    pub fn finish(mut self) -> NormalEquations {
         let scanners = self.gradient.len();
         let blocks = self.diagonal_blocks.iter();
         let diagonals = blocks.flat_map(|block| block.diagonal().data.0[0]);

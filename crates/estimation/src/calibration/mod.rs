@@ -173,7 +173,12 @@ pub fn calibrate(
         origin_sigma_m: 0.0,
         minimum,
         gap: Gap::test(&solved.state.surface),
-        constancy: Constancy::test(&solved.state.surface, input.trajectory),
+        // Along what is held, mountings are as far off as initial values, and so are points over relief.
+        constancy: if solved.observability.hidden().is_empty() {
+            Constancy::test(&solved.state.surface, input.trajectory)
+        } else {
+            None
+        },
         mountings: solved.state.mountings,
         observability: solved.observability,
         scales,
@@ -373,9 +378,9 @@ fn flattened(
     aligned: Vec<Mounting>,
     progress: &dyn Progress,
 ) -> Result<(Solved, Course)> {
-    let start = problem.at(aligned.clone());
-    let observability = Observability::new(&start.equations, &start.mountings);
-    let adjusted = adjust::minimise(problem, start, &observability, progress)?;
+    let start = hold_unobservable_directions(problem, initial, problem.at(aligned));
+    let aligned = start.state.mountings.clone();
+    let adjusted = adjust::minimise(problem, start.state, &start.observability, progress)?;
     let mut course = Course::of(&adjusted);
     let mut state = adjusted.state;
     let has_left = problem.has_left(&aligned, &state.mountings);
@@ -403,7 +408,7 @@ fn hold_unobservable_directions(
     state: State,
 ) -> Solved {
     let solved = |state: State| Solved {
-        observability: Observability::new(&state.equations, &state.mountings),
+        observability: problem.observability(&state),
         state,
         floor_m: problem.floor_m,
         width_m: problem.width_m(),

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
-use super::settings::INITIAL_SIGMA_M;
+use super::settings::{INITIAL_SIGMA_M, initial_sigma};
 use crate::geometry::EulerConvention;
 
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
@@ -27,6 +27,10 @@ const MOVED_SHARE: f64 = 1.0 / 3.0;
 /// mean.
 pub const MIN_SHARE: f64 = 2e-4;
 
+/// Share of the normal matrix above which noise of the normals hides what the data say of a direction: the noise then has
+/// more curvature than the cost, and the nearest of its dips is not the minimum.
+const NOISE_SHARE: f64 = 0.5;
+
 /// A direction that the data do not determine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnobservableDirection {
@@ -38,6 +42,10 @@ pub struct UnobservableDirection {
     pub description: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
     pub parameters: Vec<(usize, usize)>,
+    /// The product of this with a change (δp, δφ) of all mountings is held at zero.
+    pub constraint: DVector<f64>,
+    /// Whether noise of the normals hides what the data say of it.
+    pub is_hidden: bool,
 }
 
 /// Eigenvalues of the scaled normal matrix and the unobservable directions.
@@ -92,6 +100,60 @@ impl Observability {
         }
     }
 
+    /// Also holds the directions along which noise of the normals makes more than [`NOISE_SHARE`] of the normal matrix H. With
+    /// the mean N of what it adds, these are v with N v = ν H v; H v·δ is held at zero, so that changes along them and
+    /// along the others do not affect each other.
+    pub fn beyond_noise(
+        mut self,
+        equations: &NormalEquations,
+        noise: &DMatrix<f64>,
+        mountings: &[Mounting],
+    ) -> Self {
+        let basis = self.determined(mountings);
+        let reduced = |matrix: &DMatrix<f64>| basis.transpose() * matrix * &basis;
+        let Some(factor) = reduced(&equations.matrix).cholesky() else {
+            return self;
+        };
+        // The eigenvalues of L⁻¹ N L⁻ᵀ.
+        let lower = factor.l();
+        let Some(half) = lower.solve_lower_triangular(&reduced(noise)) else {
+            return self;
+        };
+        let Some(scaled) = lower.solve_lower_triangular(&half.transpose()) else {
+            return self;
+        };
+        let eigen = SymmetricEigen::new(scaled);
+        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let upper = lower.transpose();
+        for k in order
+            .into_iter()
+            .take_while(|&k| eigen.eigenvalues[k] > NOISE_SHARE)
+        {
+            let coordinates = upper.solve_upper_triangular(&eigen.eigenvectors.column(k));
+            let Some(direction) = coordinates.map(|coordinates| &basis * coordinates) else {
+                continue;
+            };
+            let mut held = UnobservableDirection::of(&direction, mountings, 0.0);
+            held.constraint = &equations.matrix * &direction;
+            held.is_hidden = true;
+            self.unobservable.push(held);
+        }
+        self
+    }
+
+    /// Of the directions that noise of the normals hides, what is held at zero: its product with a change (δp, δφ) of all
+    /// mountings, in standard deviations of initial values.
+    pub fn hidden(&self) -> Vec<DVector<f64>> {
+        let hidden = self.unobservable.iter().filter(|held| held.is_hidden);
+        let scaled = hidden.map(|UnobservableDirection { constraint, .. }| {
+            let parts = constraint.iter().enumerate();
+            let squares = parts.map(|(row, x)| (x * initial_sigma(row)).powi(2));
+            constraint / squares.sum::<f64>().sqrt()
+        });
+        scaled.collect()
+    }
+
     /// Basis of the directions in which the free parameters of `mountings` move without the
     /// unobservable directions: 6 s × f.
     pub fn determined(&self, mountings: &[Mounting]) -> DMatrix<f64> {
@@ -99,10 +161,11 @@ impl Observability {
         if self.unobservable.is_empty() {
             return basis;
         }
-        // Null space of the constraints nᵀ P B z = 0, by QR of the transpose.
+        // Null space of the constraints, by QR of the transpose.
         let constraints =
             DMatrix::from_fn(basis.ncols(), self.unobservable.len(), |column, row| {
-                self.unobservable[row].weighted().dot(&basis.column(column))
+                let constraint = &self.unobservable[row].constraint;
+                constraint.dot(&basis.column(column)) / constraint.norm()
             });
         basis * null_space(&constraints)
     }
@@ -110,15 +173,14 @@ impl Observability {
     /// Returns the correction along the unobservable directions that undoes their part of `change`.
     pub fn restoring(&self, change: &DVector<f64>) -> DVector<f64> {
         let count = self.unobservable.len();
-        let weighted: Vec<DVector<f64>> = self
-            .unobservable
-            .iter()
-            .map(UnobservableDirection::weighted)
-            .collect();
         let products = DMatrix::from_fn(count, count, |i, j| {
-            weighted[i].dot(&self.unobservable[j].direction)
+            let [i, j] = [i, j].map(|i| &self.unobservable[i]);
+            i.constraint.dot(&j.direction) / i.constraint.norm()
         });
-        let sums = DVector::from_fn(count, |i, _| weighted[i].dot(change));
+        let sums = DVector::from_fn(count, |i, _| {
+            let constraint = &self.unobservable[i].constraint;
+            constraint.dot(change) / constraint.norm()
+        });
         let mut correction = DVector::zeros(change.len());
         // Singular if two directions move the same parameters alike: then neither is restored.
         if let Some(amounts) = products.lu().solve(&sums) {
@@ -138,6 +200,8 @@ impl UnobservableDirection {
         Self {
             share,
             description: describe(&direction, &parameters, mountings),
+            constraint: concerned(&direction, &parameters),
+            is_hidden: false,
             parameters,
             direction,
         }
@@ -175,29 +239,28 @@ impl UnobservableDirection {
         let rows = 0..self.direction.len();
         rows.map(|row| self.amount_m(row)).fold(0.0, f64::max)
     }
+}
 
-    /// P n: the direction restricted to the parameters it mainly moves, rotations weighted by
-    /// [`LEVER_M`].
-    fn weighted(&self) -> DVector<f64> {
-        DVector::from_fn(self.direction.len(), |row, _| {
-            let (scanner, axis) = (row / 6, row % 6);
-            // The listed angles are Euler angles; any of them includes the whole rotation.
-            let concerned = self.parameters.iter().any(|&(s, parameter)| {
-                s == scanner
-                    && if axis < 3 {
-                        parameter == axis
-                    } else {
-                        parameter >= 3
-                    }
-            });
-            let metric = if axis < 3 { 1.0 } else { LEVER_M * LEVER_M };
-            if concerned {
-                self.direction[row] * metric
-            } else {
-                0.0
-            }
-        })
-    }
+/// P n: a direction restricted to the parameters that it mainly moves, rotations weighted by [`LEVER_M`].
+fn concerned(direction: &DVector<f64>, parameters: &[(usize, usize)]) -> DVector<f64> {
+    DVector::from_fn(direction.len(), |row, _| {
+        let (scanner, axis) = (row / 6, row % 6);
+        // The listed angles are Euler angles; any of them includes the whole rotation.
+        let concerned = parameters.iter().any(|&(s, parameter)| {
+            s == scanner
+                && if axis < 3 {
+                    parameter == axis
+                } else {
+                    parameter >= 3
+                }
+        });
+        let metric = if axis < 3 { 1.0 } else { LEVER_M * LEVER_M };
+        if concerned {
+            direction[row] * metric
+        } else {
+            0.0
+        }
+    })
 }
 
 /// Orthonormal columns that span the complement of the columns of `constraints`.
@@ -341,6 +404,41 @@ mod tests {
         change[8] = 0.01;
         let back = seen.restoring(&change);
         assert!((back[2] + 0.02).abs() < 1e-12 && (back[8] + 0.02).abs() < 1e-12);
+    }
+
+    /// Noise makes up all but a share of what is known of a direction that is not along the axes of the matrix.
+    #[test]
+    fn a_direction_that_only_noise_determines_is_held_across_the_matrix() {
+        let direction = DVector::from_fn(12, |i, _| if i == 0 || i == 7 { 1.0 } else { 0.0 });
+        let matrix = DMatrix::from_fn(12, 12, |i, j| match (i, j) {
+            (0, 7) | (7, 0) => 0.4,
+            _ => f64::from(u8::from(i == j)) * (1.0 + i as f64),
+        });
+        let across = &matrix * &direction;
+        let held_with = |share: f64| {
+            let noise = &across * across.transpose() * (share / direction.dot(&across));
+            Observability::new(&equations(matrix.clone()), &two()).beyond_noise(
+                &equations(matrix.clone()),
+                &noise,
+                &two(),
+            )
+        };
+        assert!(held_with(0.9 * NOISE_SHARE).unobservable.is_empty());
+        let held = held_with(1.1 * NOISE_SHARE);
+        assert_eq!(held.unobservable.len(), 1);
+        let found = &held.unobservable[0].direction;
+        assert!(
+            (found - direction.normalize())
+                .amax()
+                .min((found + direction.normalize()).amax())
+                < 1e-9
+        );
+        // Free directions are those that the matrix does not couple with it; the rest of a change stays.
+        let free = held.determined(&two());
+        assert_eq!(free.ncols(), 11);
+        assert!((free.transpose() * &across).amax() < 1e-12);
+        let change = &free.column(3) * 0.02 + &direction * 0.05;
+        assert!((held.restoring(&change) + &direction * 0.05).amax() < 1e-12);
     }
 
     #[test]

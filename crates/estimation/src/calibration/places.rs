@@ -7,16 +7,23 @@
 //!
 //!   S = Σ_b g_b g_bᵀ,
 //!
-//! whatever the errors are (White 1980; by clusters: Liang and Zeger 1986). S does not see what all places have in
-//! common, such as errors of the poses that last; the modelled covariance C does. So along each direction the larger of
-//! the two holds. By chance alone, the eigenvalues of C⁻¹ S for p parameters and n places reach (1 + √(p/n))² (Marchenko
-//! and Pastur 1967): only larger ones count.
+//! whatever the errors are (White 1980; by clusters: Liang and Zeger 1986). A place that alone sees a direction cancels
+//! there by itself, as if it were sure. So in place of g_b stands what it amounts to for the estimate without this place
+//! (jackknife), which initial values with the information P hold where no other place sees:
+//!
+//!   H (H − H_b + P)⁻¹ (g_b − P δ)
+//!
+//! with the normal matrices H of all and H_b of the place, and the change δ from initial values. S does not see what all
+//! places have in common, such as errors of the poses that last; the modelled covariance C does. So along each direction
+//! the larger of the two holds. By chance alone, the eigenvalues of C⁻¹ S for p parameters and n places reach
+//! (1 + √(p/n))² (Marchenko and Pastur 1967): only larger ones count.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::cost::{add_gradient, in_parts};
+use super::cost::{NormalEquations, Sums, in_parts, weight};
+use super::settings::initial_sigma;
 use crate::surface::Surface;
 
 /// Fewest places: several for each of the 24 parameters of four scanners.
@@ -25,42 +32,64 @@ const PLACES: usize = 64;
 /// A cell of a cubic grid.
 type Cell = [i64; 3];
 
-/// The gradients of cells.
-type Cells = BTreeMap<Cell, DVector<f64>>;
-
-/// The gradients of places as large as leaves at least [`PLACES`] of them, and at least `edge_m` wide.
-pub fn gradients(surface: &Surface, floor_m: f64, edge_m: f64) -> Vec<DVector<f64>> {
-    let zero = || DVector::zeros(6 * surface.cloud.scanners);
-    let parts = in_parts(surface, Cells::new, |cells: &mut Cells, index| {
+/// The normal equations of places as large as leaves at least [`PLACES`] of them, and at least `edge_m` wide.
+pub fn equations(surface: &Surface, floor_m: f64, edge_m: f64) -> Vec<NormalEquations> {
+    let cell = |index: usize, edge_m: f64| -> Cell {
         let mean_m = surface.planes[index].mean_m;
-        let cell = [mean_m.x, mean_m.y, mean_m.z].map(|x| (x / edge_m).floor() as i64);
-        let gradient = cells.entry(cell).or_insert_with(zero);
-        add_gradient(surface, floor_m, index, gradient);
-    });
-    let mut cells = merged(parts.into_iter().flatten());
+        [mean_m.x, mean_m.y, mean_m.z].map(|x| (x / edge_m).floor() as i64)
+    };
+    let planes = 0..surface.planes.len();
+    let mut cells: BTreeSet<Cell> = planes.map(|index| cell(index, edge_m)).collect();
+    let mut edge_m = edge_m;
     loop {
-        let doubled = cells.iter();
-        let doubled = doubled.map(|(cell, g)| (cell.map(|x| x.div_euclid(2)), g.clone()));
-        let wider = merged(doubled);
+        let wider = cells.iter().map(|cell| cell.map(|x| x.div_euclid(2)));
+        let wider: BTreeSet<Cell> = wider.collect();
         if wider.len() < PLACES || wider.len() == cells.len() {
-            return cells.into_values().collect();
+            break;
         }
-        cells = wider;
+        (cells, edge_m) = (wider, 2.0 * edge_m);
     }
+    let add = |places: &mut BTreeMap<Cell, Sums>, index: usize| {
+        let place = places.entry(cell(index, edge_m));
+        let plane = &surface.planes[index];
+        let weight = weight(plane, floor_m, surface.neighbourhoods.k());
+        let place = place.or_insert_with(|| Sums::new(surface.cloud.scanners));
+        place.add(surface, index, &plane.normal, weight);
+    };
+    let mut places = BTreeMap::<Cell, Vec<NormalEquations>>::new();
+    for part in in_parts(surface, BTreeMap::new, add) {
+        for (cell, sums) in part {
+            places.entry(cell).or_default().push(sums.finish());
+        }
+    }
+    let size = 6 * surface.cloud.scanners;
+    let places = places.values();
+    places
+        .map(|parts| NormalEquations::sum(size, parts))
+        .collect()
 }
 
-/// Sums the gradients of equal cells.
-fn merged(all: impl Iterator<Item = (Cell, DVector<f64>)>) -> Cells {
-    let mut cells = Cells::new();
-    for (cell, gradient) in all {
-        match cells.get_mut(&cell) {
-            Some(sum) => *sum += gradient,
-            None => {
-                cells.insert(cell, gradient);
-            }
-        }
-    }
-    cells
+/// What each place contradicts the estimate without it, as a gradient in coordinates of `basis`, given the normal matrix
+/// of all and the change (δp, δφ) from initial values; `None` if that matrix is not positive definite.
+pub fn contradictions(
+    places: &[NormalEquations],
+    matrix: &DMatrix<f64>,
+    basis: &DMatrix<f64>,
+    change: &DVector<f64>,
+) -> Option<Vec<DVector<f64>>> {
+    // The cost is twice the negative logarithm of a likelihood.
+    let initial = DVector::from_fn(matrix.nrows(), |row, _| 2.0 / initial_sigma(row).powi(2));
+    let reduced = |matrix: &DMatrix<f64>| basis.transpose() * matrix * basis;
+    let prior = DMatrix::from_diagonal(&initial);
+    let back = initial.component_mul(change);
+    let all = reduced(matrix);
+    let count = places.len() as f64;
+    let contradiction = |place: &NormalEquations| {
+        let others = Cholesky::new(reduced(&(matrix - &place.matrix + &prior)))?;
+        let without = others.solve(&(basis.transpose() * (&place.gradient - &back)));
+        Some(&all * without * ((count - 1.0) / count).sqrt())
+    };
+    places.iter().map(contradiction).collect()
 }
 
 /// The modelled covariance of the gradient, or along each direction what the `gradients` of places say if it is larger
@@ -91,20 +120,56 @@ mod tests {
     use crate::calibration::small_case::{FLOOR_M, case, surface};
 
     #[test]
-    fn the_gradients_of_places_sum_to_that_of_all() {
+    fn the_equations_of_places_sum_to_those_of_all() {
         let (cloud, mountings) = case();
         let surface = surface(cloud, &mountings, 1);
-        let all = normal_equations(&surface, FLOOR_M).gradient;
-        let places = gradients(&surface, FLOOR_M, 0.1);
-        let sum = places
-            .iter()
-            .fold(DVector::zeros(12), |sum, gradient| sum + gradient);
-        assert!((sum - &all).amax() < 1e-9 * all.amax());
+        let all = normal_equations(&surface, FLOOR_M);
+        let places = equations(&surface, FLOOR_M, 0.1);
+        let sum = NormalEquations::sum(12, &places);
+        assert!((sum.gradient - &all.gradient).amax() < 1e-9 * all.gradient.amax());
+        assert!((sum.matrix - &all.matrix).amax() < 1e-9 * all.matrix.amax());
         // The case is 2 m wide: cells of 0.2 m are 100 and more, of 0.4 m fewer than 64.
         assert!(
             (PLACES..4 * PLACES).contains(&places.len()),
             "{}",
             places.len()
+        );
+    }
+
+    /// A hundred places of which one alone sees that a scanner is 0.1 m off its initial value along x, and each, beside noise,
+    /// that it is not off along y.
+    #[test]
+    fn a_place_that_no_other_confirms_counts_as_far_as_it_moved_the_mounting() {
+        let place = |index: usize| {
+            let mut equations = NormalEquations::zeros(6);
+            equations.matrix.fill_with_identity();
+            equations.matrix *= 1e6;
+            equations.matrix[(0, 0)] *= f64::from(u8::from(index == 0));
+            equations.gradient[1] = if index % 2 == 0 { 30.0 } else { -30.0 };
+            equations
+        };
+        let places: Vec<NormalEquations> = (0..100).map(place).collect();
+        let matrix = NormalEquations::sum(6, &places).matrix;
+        let change = DVector::from_fn(6, |row, _| if row == 0 { 0.1 } else { 0.0 });
+        let basis = DMatrix::identity(6, 6);
+        let all = contradictions(&places, &matrix, &basis, &change).unwrap();
+        // In metres, and in the square root of the sum of squares of all places.
+        let estimate = |axis: usize| {
+            let each = all.iter().map(|c| (c[axis] / matrix[(axis, axis)]).powi(2));
+            each.sum::<f64>().sqrt()
+        };
+        let jackknife = 0.99_f64.sqrt();
+        assert!(
+            (estimate(0) - 0.1 * jackknife).abs() < 1e-3,
+            "{}",
+            estimate(0)
+        );
+        // Ten times 30 by 99 millions.
+        let expected = 10.0 * 30.0 / 99e6 * jackknife;
+        assert!(
+            (estimate(1) / expected - 1.0).abs() < 1e-3,
+            "{}",
+            estimate(1)
         );
     }
 

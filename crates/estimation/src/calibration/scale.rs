@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::cost::{NormalEquations, cost, normal_equations};
+use super::cost::{NormalEquations, cost, noise_of_normals, normal_equations};
 use super::input::Input;
 use super::observability::Observability;
 use super::parameters::{Mounting, poses};
@@ -83,6 +83,17 @@ impl ScaleProblem {
         let cloud = Arc::clone(&self.cloud);
         let surface = Surface::new(cloud, &poses(&mountings), self.k, self.stride);
         self.state(mountings, surface)
+    }
+
+    /// What the data determine at a state. Over flat ground, noise of normals looks like information on slides, and steps
+    /// that follow it lead astray.
+    pub fn observability(&self, state: &State) -> Observability {
+        let noise = noise_of_normals(&state.surface, self.floor_m);
+        Observability::new(&state.equations, &state.mountings).beyond_noise(
+            &state.equations,
+            &noise,
+            &state.mountings,
+        )
     }
 
     /// Whether some point lies farther apart with `there` than with `here`, at the median range, than initial values can be
@@ -203,8 +214,38 @@ impl fmt::Display for Ending {
 
 #[cfg(test)]
 mod tests {
-    use crate::calibration::small_case::{case, problem};
+    use super::*;
+    use crate::calibration::adjust::minimise;
+    use crate::calibration::hold_unobservable_directions;
+    use crate::calibration::small_case::{case, ground, problem};
     use crate::geometry::{Vec3, so3};
+    use crate::progress::Silent;
+
+    /// How far the right scanner is from its initial place after an adjustment of this place, which began elsewhere, over
+    /// ground with hills of this height, metres.
+    fn slide_m(relief_m: f64) -> f64 {
+        let (cloud, mut initial) = ground(relief_m);
+        initial[0].fixed = [true; 6];
+        initial[1].fixed = [false, false, true, true, true, true];
+        let mut start = initial.clone();
+        start[1].body_from_scanner.translation_m += Vec3::new(0.02, -0.03, 0.0);
+        let problem = ScaleProblem {
+            floor_m: 1e-3,
+            ..problem(cloud)
+        };
+        let begin = hold_unobservable_directions(&problem, &initial, problem.at(start));
+        let end = minimise(&problem, begin.state, &begin.observability, &Silent).unwrap();
+        let places = [&initial, &end.state.mountings].map(|m| m[1].body_from_scanner.translation_m);
+        (places[1] - places[0]).norm()
+    }
+
+    #[test]
+    fn slides_over_flat_ground_stay_at_the_initial_values() {
+        let [flat_m, hills_m] = [0.0, 0.1].map(slide_m);
+        println!("{flat_m} {hills_m}");
+        // Both directions of the place are held; hills show where it was, to several of its standard deviations.
+        assert!(flat_m < 1e-9 && (1e-5..3e-3).contains(&hills_m));
+    }
 
     /// Discs of 20 voxels of 0.5 m are 2.52 m wide.
     #[test]

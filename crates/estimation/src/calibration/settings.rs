@@ -58,6 +58,15 @@ impl Reach {
 pub(super) const INITIAL_SIGMA_M: f64 = 0.25 * Reach::ROUGH.shift_m;
 /// Standard deviation of initial rotations about an axis, radians: a quarter of their largest error.
 pub(super) const INITIAL_SIGMA_RAD: f64 = 0.25 * Reach::ROUGH.turn_rad;
+
+/// Standard deviation of the initial value of an entry of (δp, δφ) of all mountings.
+pub(super) fn initial_sigma(row: usize) -> f64 {
+    if row % 6 < 3 {
+        INITIAL_SIGMA_M
+    } else {
+        INITIAL_SIGMA_RAD
+    }
+}
 /// Standard deviations of the initial position (metres) and rotation (radians) of a mounting along and about each axis,
 /// as observations of a joint adjustment: half of their largest errors, since all scanners may share one, as that of the
 /// measured position of the IMU.

@@ -15,11 +15,12 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6x3, Vector6};
+use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
 use super::cost::{derivative, noise_of_normals, weight};
 use super::input::{Input, PoseUncertainty};
+use super::parameters::change;
 use super::places;
 use super::scale::Solved;
 use crate::geometry::Vec3;
@@ -31,9 +32,6 @@ const CHUNK: usize = 4096;
 
 /// Number of tasks whose results are held in memory at a time.
 const BATCH: usize = 16;
-
-/// Standard deviations of noise that chance may add: more has a chance of 1 in 700.
-const CHANCE_SIGMAS: f64 = 3.0;
 
 /// Derivative of the gradient g by single points.
 struct Sensitivity<'a> {
@@ -261,19 +259,13 @@ impl<'a> PoseErrors<'a> {
 
 /// Covariance of the mountings (δp, δφ), zero in fixed and unobservable directions: M S Mᵀ with M =
 /// B (BᵀNB)⁻¹ and S the covariance of the gradient Bᵀg. N is the normal matrix without what noise of normals adds to it.
-/// `None` if BᵀNB is not positive definite beyond chance: what looks like information may be noise. The squares of noise in
-/// n separate neighbourhoods scatter by √(2/n) of their sum.
+/// `None` if BᵀNB is not positive definite.
 pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let state = &solved.state;
     let basis = solved.observability.determined(&state.mountings);
     let noise = noise_of_normals(&state.surface, solved.floor_m);
-    let without = |noise: DMatrix<f64>| {
-        Cholesky::new(basis.transpose() * (&state.equations.matrix - noise) * &basis)
-    };
-    let points = state.surface.cloud.movable.len() as f64;
-    let separate = points / state.surface.neighbourhoods.k() as f64;
-    without(&noise * (1.0 + CHANCE_SIGMAS * (2.0 / separate).sqrt()))?;
-    let spread = &basis * without(noise)?.inverse();
+    let without = &state.equations.matrix - noise;
+    let spread = &basis * Cholesky::new(basis.transpose() * without * &basis)?.inverse();
     let modelled = gradient_covariance(
         &state.surface,
         solved.floor_m,
@@ -281,9 +273,11 @@ pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
         input.poses,
     );
     let modelled = basis.transpose() * modelled * &basis;
-    let places = places::gradients(&state.surface, solved.floor_m, solved.width_m);
-    let places: Vec<DVector<f64>> = places.iter().map(|g| basis.transpose() * g).collect();
-    let gradient = places::at_least(&modelled, &places).unwrap_or(modelled);
+    let places = places::equations(&state.surface, solved.floor_m, solved.width_m);
+    let change = change(&input.mountings, &state.mountings);
+    let contradictions = places::contradictions(&places, &state.equations.matrix, &basis, &change);
+    let gradient = contradictions.and_then(|all| places::at_least(&modelled, &all));
+    let gradient = gradient.unwrap_or(modelled);
     let covariance = &spread * gradient * spread.transpose();
     Some((&covariance + covariance.transpose()) * 0.5)
 }
@@ -292,8 +286,9 @@ pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
 mod tests {
     use std::sync::Arc;
 
+    use nalgebra::DVector;
+
     use super::*;
-    use crate::calibration::observability::Observability;
     use crate::calibration::scale::ScaleProblem;
     use crate::calibration::small_case::{FLOOR_M, case, ground, problem, surface};
     use crate::geometry::{WorldFromBody, so3};
@@ -409,8 +404,9 @@ mod tests {
         }
     }
 
-    /// The covariance of the place of the right scanner relative to the left, over ground with hills of this height.
-    fn of_slides(relief_m: f64) -> Option<DMatrix<f64>> {
+    /// The place of the right scanner relative to the left, over ground with hills of this height: the number of
+    /// directions that are held, and the covariance.
+    fn of_slides(relief_m: f64) -> (usize, DMatrix<f64>) {
         let (cloud, mut mountings) = ground(relief_m);
         mountings[0].fixed = [true; 6];
         mountings[1].fixed = [false, false, true, true, true, true];
@@ -428,18 +424,21 @@ mod tests {
         });
         let trajectory = Trajectory::new(nodes.to_vec()).expect("two nodes");
         let solved = Solved {
-            observability: Observability::new(&state.equations, &mountings),
+            observability: problem.observability(&state),
             floor_m: problem.floor_m,
             width_m: problem.width_m(),
             state,
         };
-        covariance(&Input::new(mountings, &[], &trajectory), &solved)
+        let covariance = covariance(&Input::new(mountings, &[], &trajectory), &solved);
+        let held = solved.observability.unobservable.len();
+        (held, covariance.expect("a positive definite matrix"))
     }
 
     #[test]
-    fn flat_ground_gives_no_standard_deviations_and_hills_do() {
-        assert_eq!(of_slides(0.0), None);
-        let covariance = of_slides(0.1).unwrap();
+    fn slides_over_flat_ground_are_held_and_over_hills_have_standard_deviations() {
+        assert_eq!(of_slides(0.0), (2, DMatrix::zeros(12, 12)));
+        let (held, covariance) = of_slides(0.1);
+        assert_eq!(held, 0);
         // Noise of 6 mm and slopes of about 0.2 at 2,000 points: 6 mm / (0.2 √2000) = 0.7 mm.
         let sigmas_m = [6, 7].map(|i| covariance[(i, i)].sqrt());
         println!("{sigmas_m:?}");

@@ -12,7 +12,8 @@ use crate::adjustment::SelectedInverse;
 pub struct Covariance<'a> {
     pub problem: &'a JointProblem<'a>,
     pub inverse: SelectedInverse,
-    /// Changes whose squares are added: with the height of the reference, which is held, and with noise of slopes.
+    /// Changes whose squares are added: with the height of the reference and directions of the mountings, which
+    /// are held, and with noise of slopes.
     pub changes: Vec<Vec<f64>>,
     /// Motions of mountings with which all unknowns change.
     pub slow: &'a SlowMotions,
@@ -25,6 +26,7 @@ impl<'a> Covariance<'a> {
         let surface = layout.first_surfel..layout.first_plane + state.planes.len();
         let factor = problem.factor()?;
         let mut changes: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
+        changes.extend(problem.sides_of_held(state));
         changes.extend(problem.sides_of_slopes(state));
         Some(Self {
             problem,

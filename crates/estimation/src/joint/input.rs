@@ -5,7 +5,7 @@ use super::motion::Motion;
 use crate::calibration::{Mounting, ScannerSample};
 use crate::geometry::Vec3;
 use crate::sensor::FrameLog;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// The scans of one drive: a sample of each scanner in the order of the mountings.
 #[derive(Debug, Clone)]
@@ -33,6 +33,9 @@ pub struct JointInput<'a> {
     pub mountings: Vec<Mounting>,
     /// Initial values of the mountings: observations of these, with [`INITIAL_SIGMA`](crate::calibration::INITIAL_SIGMA).
     pub initial: &'a [Mounting],
+    /// What is held of the mountings, because noise hides what scans say of it: the products of these with the change
+    /// (δp, δφ) of all mountings from initial values, in standard deviations of these.
+    pub held: &'a [DVector<f64>],
     /// Covariance (δp, δφ) of the start values of the mountings if another adjustment estimated them;
     /// `None` if they are not known.
     pub known: Option<&'a DMatrix<f64>>,

@@ -1,5 +1,7 @@
 //! Rows of the priors, known or assumed: surfels, the reference's errors, constants and mountings.
 
+use nalgebra::DVector;
+
 use super::bend::BENDING;
 use super::layout::{REFERENCE, UP};
 use super::motion::rows_together;
@@ -19,6 +21,9 @@ use crate::geometry::so3::right_jacobian_inverse;
 const KNOWN_SIGMA: [f64; 2] = [1.0, 1.0];
 /// Least standard deviations of the reference's offset (metres) and slopes.
 const LEAST_PLANE_SIGMA: [f64; 3] = [LEAST_SIGMA_M, 1e-4, 1e-4];
+
+/// Share of the standard deviation of initial values to which a direction of the mountings is held.
+const HELD_SHARE: f64 = 1e-4;
 
 /// The reference's prior of one of (a, b, c) of a surfel.
 pub struct ReferenceRow {
@@ -193,7 +198,31 @@ impl JointProblem<'_> {
         self.mountings(state, batch);
     }
 
-    /// Priors of the mountings: initial values, fixed parameters and known values.
+    /// Changes of all unknowns, with each held direction of the mountings one standard deviation of initial values off,
+    /// given the state of the last factor.
+    pub fn sides_of_held(&self, state: &State) -> Vec<Vec<f64>> {
+        let Some(factor) = &self.factor else {
+            return Vec::new();
+        };
+        let from_initial = change(self.input.initial, &state.mountings);
+        let side = |held: &DVector<f64>| {
+            let direction = held_direction(held, &from_initial);
+            let mut side = vec![0.0; self.unknowns()];
+            for (scanner, &block) in self.layout.mountings.iter().enumerate() {
+                // The unknowns are (δφ, δp).
+                for i in 0..6 {
+                    // Moves the row that holds it.
+                    let by = direction[6 * scanner + (i + 3) % 6];
+                    side[self.offset(block) + i] = by / (HELD_SHARE * HELD_SHARE);
+                }
+            }
+            factor.solve(&mut side, 1);
+            side
+        };
+        self.input.held.iter().map(side).collect()
+    }
+
+    /// Priors of the mountings: initial values, fixed parameters, held directions and known values.
     fn mountings(&self, state: &State, batch: &mut RowBatch) {
         let from_start = change(&self.input.mountings, &state.mountings);
         let from_initial = change(self.input.initial, &state.mountings);
@@ -244,6 +273,14 @@ impl JointProblem<'_> {
                 add(&direction, moved, 1.0 / HELD_SIGMA);
             }
         }
+        for held in self.input.held {
+            let direction = held_direction(held, &from_initial);
+            add(
+                direction.as_slice(),
+                held.dot(&from_initial),
+                1.0 / HELD_SHARE,
+            );
+        }
         for row in self.known.iter().flat_map(|w| w.row_iter()) {
             let direction: Vec<f64> = row.iter().copied().collect();
             let terms = direction.iter().zip(from_start.iter());
@@ -251,6 +288,17 @@ impl JointProblem<'_> {
             add(&direction, moved, 1.0);
         }
     }
+}
+
+/// The derivative of what is held by the mountings (δp, δφ), which are off their initial values.
+fn held_direction(held: &DVector<f64>, from_initial: &DVector<f64>) -> DVector<f64> {
+    let mut direction = held.clone();
+    for place in (3..held.len()).step_by(6) {
+        let turned = from_initial.fixed_rows::<3>(place).into_owned();
+        let by = right_jacobian_inverse(&turned) * held.fixed_rows::<3>(place);
+        direction.fixed_rows_mut::<3>(place).copy_from(&by);
+    }
+    direction
 }
 
 /// Change of each Euler angle, radians. The rotation vector would give it to first order only, which is

@@ -346,6 +346,7 @@ impl Case {
         JointInput {
             mountings: self.mountings.clone(),
             initial: &self.mountings,
+            held: &[],
             known: self.known.as_ref(),
             compliance: &[],
             estimate_latency: self.estimate_latency.clone(),

@@ -244,12 +244,25 @@ fn priors_of_mountings_meet_finite_differences_far_from_initial_values() {
             Vec3::new(0.05, 0.02, 0.0),
         );
     }
+    let held = [DVector::from_fn(12, |row, _| 0.3 * (row as f64 - 4.0))];
     let input = JointInput {
         initial: &initial,
+        held: &held,
         ..case.input()
     };
-    let (problem, state) = case.problem(&input);
+    let (mut problem, state) = case.problem(&input);
     assert_held(&problem, &state, 1e4);
+    // A held direction is off by as much as initial values are, and takes the other unknowns along.
+    problem.factorise(&state).expect("a factor");
+    let side = &problem.sides_of_held(&state)[0];
+    let mountings = problem.layout.mountings.iter();
+    let parts = mountings.flat_map(|&block| {
+        let first = problem.offset(block);
+        [3, 4, 5, 0, 1, 2].map(|i| side[first + i])
+    });
+    let off = held[0].dot(&DVector::from_iterator(12, parts));
+    // The turns of 0.1 rad from initial values change what is held by a part of this.
+    assert!((off - 1.0).abs() < 0.1, "{off}");
 }
 
 fn turn(mounting: &mut Mounting, turn: Vec3, shift: Vec3) {
