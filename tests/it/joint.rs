@@ -10,8 +10,11 @@ fn errors_match_their_sigmas_and_are_far_below_those_of_two_steps() {
     let mut scenario = Scenario::demo();
     // East, west and south-east over four boards.
     scenario.drives[0].passes.truncate(7);
+    (scenario.profiles.rate_hz, scenario.profiles.width) = (20.0, 240);
+    let mut setup = Setup::new(scenario);
+    setup.project = Box::new(|project| project.calibration.voxel_sizes_m = vec![0.05, 0.02, 0.007]);
     let folder = tempfile::tempdir().unwrap();
-    let run = Run::new(&Setup::new(scenario), folder.path()).unwrap();
+    let run = Run::new(&setup, folder.path()).unwrap();
     let [two_steps, joint] = run.errors();
     let normalised = joint.component_div(&run.sigmas());
     let chi_square = run.chi_square().unwrap();
