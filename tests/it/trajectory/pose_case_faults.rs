@@ -5,6 +5,7 @@ use super::faulty::{Faulty, Outcome, judge};
 use super::pose_case::{self, IMU_HZ, pose_case};
 use super::{Logs, Truth};
 use boresight::trajectory::Estimate;
+use std::sync::LazyLock;
 
 const JUMP_AT_S: f64 = 200.0;
 const JUMP_S: f64 = 0.5;
@@ -15,6 +16,13 @@ struct Case {
     truth: Vec<Truth>,
     best: Estimate,
 }
+
+/// Estimated only once.
+static CASE: LazyLock<Case> = LazyLock::new(Case::read);
+
+/// The case with the clock set ahead: two tests look at it.
+static SET_AHEAD: LazyLock<(Estimate, Outcome)> =
+    LazyLock::new(|| CASE.assert_survives("prism clock", clock_set_ahead));
 
 impl Case {
     fn read() -> Self {
@@ -69,7 +77,7 @@ fn clock_set_ahead(f: &mut Faulty) {
 
 #[test]
 fn each_fault_of_the_five_minutes_is_survived_and_named() {
-    let case = Case::read();
+    let case = &*CASE;
     // One in ten of 2100 fixes and 1500 headings is wrong.
     let (_, o) = case.assert_survives("prism outliers", |f| f.prism_outliers_up_to(1.0));
     assert!(o.injected > 100, "{o:?}");
@@ -98,9 +106,8 @@ fn each_fault_of_the_five_minutes_is_survived_and_named() {
 
 #[test]
 fn a_prism_clock_set_ahead_is_reported_with_its_time_and_size() {
-    let case = Case::read();
-    assert!(case.best.solution.clock_jumps.is_empty());
-    let (estimate, _) = case.assert_survives("prism clock", clock_set_ahead);
+    assert!(CASE.best.solution.clock_jumps.is_empty());
+    let (estimate, _) = &*SET_AHEAD;
     let jumps = &estimate.solution.clock_jumps;
     println!("{jumps:?}");
     let [jump] = &jumps[..] else {
@@ -115,7 +122,5 @@ fn a_prism_clock_set_ahead_is_reported_with_its_time_and_size() {
 
 #[test]
 fn few_fixes_are_rejected_once_the_clock_is_corrected() {
-    let case = Case::read();
-    let (_, o) = case.assert_survives("prism clock", clock_set_ahead);
-    assert_few_good_records_rejected(&o);
+    assert_few_good_records_rejected(&SET_AHEAD.1);
 }

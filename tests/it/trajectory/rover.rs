@@ -34,6 +34,9 @@ pub fn slow_rover(time_s: f64) -> (Vec3, Rotation) {
     (p, Rotation::from_euler_angles(roll, pitch, yaw))
 }
 
+/// Parts of an interval of the IMU over which rates and forces are averaged.
+const PARTS: u32 = 2;
+
 /// A simulated minute: logs, and the truth at the nodes.
 pub fn rover_drive(seed: u64) -> (Logs, Vec<Truth>) {
     simulated(seed, rover, 3000)
@@ -56,18 +59,18 @@ pub fn simulated(seed: u64, rover: fn(f64) -> (Vec3, Rotation), count: u32) -> (
     let imu = (0..count)
         .map(|k| {
             let t = f64::from(k) * dt;
-            // Means over ten parts of the interval.
+            // Means over the halves of the interval: what is left is a thousandth of the noise.
             let (mut gyro, mut force) = (Vec3::zeros(), Vec3::zeros());
-            for part in 0..10 {
+            for part in 0..PARTS {
                 let (a, b) = (
-                    t + dt * f64::from(part) / 10.0,
-                    t + dt * f64::from(part + 1) / 10.0,
+                    t + dt * f64::from(part) / f64::from(PARTS),
+                    t + dt * f64::from(part + 1) / f64::from(PARTS),
                 );
                 let (m, e) = (0.5 * (a + b), 1e-3);
                 let (middle, r) = rover(m);
                 let acceleration = (rover(m + e).0 - middle * 2.0 + rover(m - e).0) / (e * e);
                 gyro += (rover(a).1.inverse() * rover(b).1).scaled_axis() / dt;
-                force += r.inverse() * (acceleration + gravity) / 10.0;
+                force += r.inverse() * (acceleration + gravity) / f64::from(PARTS);
             }
             gyro_bias += noise3(noise.gyro_bias_walk * dt.sqrt());
             accel_bias += noise3(noise.accel_bias_walk * dt.sqrt());
