@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::common::boresight;
+use crate::common::{boresight, named, side_by_side};
 use boresight::format;
 use boresight::record::geocom::simulated::{Simulated, TcpInstrument};
 use boresight::record::{Clock, Field, View, record};
@@ -123,7 +123,17 @@ fn record_for(
     record(field, folder, clock, goes_on).unwrap();
 }
 
+/// These cases wait for slow sources, so they run side by side.
 #[test]
+fn sources_are_recorded_and_their_faults_are_named() {
+    side_by_side(named![
+        all_kinds_of_sources_are_recorded_at_once,
+        a_source_that_fails_and_returns_delays_no_other,
+        a_step_of_the_clock_is_reported,
+        a_check_names_sources_that_do_not_send,
+    ]);
+}
+
 fn all_kinds_of_sources_are_recorded_at_once() {
     let temp = tempfile::tempdir().unwrap();
     let station = station();
@@ -226,7 +236,6 @@ fn all_kinds_of_sources_are_recorded_at_once() {
     );
 }
 
-#[test]
 fn a_source_that_fails_and_returns_delays_no_other() {
     let temp = tempfile::tempdir().unwrap();
     let line = |i: u64| format!("{i}\n");
@@ -302,7 +311,6 @@ fn a_recording_ends_when_its_caller_panics() {
     });
 }
 
-#[test]
 fn a_step_of_the_clock_is_reported() {
     let temp = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(50));
@@ -372,7 +380,6 @@ fn three_kills_lose_no_more_than_the_last_second() {
     kills_lose_no_more_than_the_last_second(3);
 }
 
-#[test]
 fn a_check_names_sources_that_do_not_send() {
     let temp = tempfile::tempdir().unwrap();
     let sender = LineServer::new(|i| format!("{i}\n"), Duration::from_millis(5));

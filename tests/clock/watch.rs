@@ -112,7 +112,7 @@ fn progress_rises_and_the_page_becomes_the_report() {
         .iter()
         .map(|p| p["moment"].as_str().unwrap())
         .collect();
-    assert_eq!(moments[..2], ["start", "voxels of 50 mm"]);
+    assert_eq!(moments[..2], ["start", "voxels of 100 mm"]);
     let pictures = [0, 1].map(|i| watched.get(&format!("/picture/{i}.png")).1);
     assert!(pictures.iter().all(|png| png.starts_with(b"\x89PNG")));
     assert!(pictures[0] != pictures[1], "the clouds have not moved");

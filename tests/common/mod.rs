@@ -144,6 +144,29 @@ pub fn on_project(folder: &Path, command: &str, more: &[&str]) -> Run {
     boresight(&[&[command, project.to_str().unwrap()], more].concat())
 }
 
+/// Cases with their names, for [`side_by_side`].
+macro_rules! named {
+    ($($case:ident),* $(,)?) => {
+        [$((stringify!($case), $case as fn())),*]
+    };
+}
+pub(crate) use named;
+
+/// Runs cases that mostly wait, each in a thread.
+pub fn side_by_side<const N: usize>(cases: [(&'static str, fn()); N]) {
+    let failed: Vec<&str> = std::thread::scope(|scope| {
+        let running = cases.map(|(name, case)| {
+            let thread = std::thread::Builder::new().name(name.to_owned());
+            (name, thread.spawn_scoped(scope, case).unwrap())
+        });
+        let failed = running
+            .into_iter()
+            .filter_map(|(name, thread)| thread.join().err().map(|_| name));
+        failed.collect()
+    });
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
 /// The folder of the drive of [`TINY_SCENARIO`], with a space in its path and one coarse scale, and
 /// the temporary folder that contains it.
 pub fn simulated() -> (tempfile::TempDir, PathBuf) {
@@ -190,7 +213,7 @@ fn simulate_tiny() -> BTreeMap<PathBuf, Vec<u8>> {
     assert_eq!(run.code, 0, "{}", run.err);
     rewrite_project(&out.join("drive-1"), |text| {
         let lines = text.lines().map(|line| match line.split_once(" = ") {
-            Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.05]\n".to_owned(),
+            Some(("voxel_sizes_m", _)) => "voxel_sizes_m = [0.1]\n".to_owned(),
             Some(("neighbours", _)) => "neighbours = 20\n".to_owned(),
             _ => format!("{line}\n"),
         });

@@ -1,10 +1,10 @@
 //! After every fault the measurements continue; events are counted, and no value is invented.
 
 use std::net::TcpStream;
-use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::common::instrument::{self, Run, quick, track};
+use crate::common::{named, side_by_side};
 use boresight::record::geocom::simulated::{
     Fault, FaultKind, Simulated, SimulatedSettings, TcpInstrument,
 };
@@ -23,16 +23,9 @@ fn run(seconds: f64, faults: Vec<Fault>, enough: impl Fn(&Run) -> bool) -> Run {
     )
 }
 
-/// These cases mostly wait for the instrument, so they run side by side.
-macro_rules! side_by_side {
-    ($($case:ident),* $(,)?) => {
-        [$((stringify!($case), $case as fn())),*]
-    };
-}
-
 #[test]
 fn measurements_continue_after_every_fault() {
-    let cases = side_by_side![
+    side_by_side(named![
         a_lost_prism_is_locked_again,
         a_busy_instrument_is_asked_again,
         a_request_is_repeated_after_a_wrong_checksum,
@@ -49,18 +42,7 @@ fn measurements_continue_after_every_fault() {
         a_prism_that_is_hidden_at_the_start_is_found_later,
         a_prism_outside_the_search_window_is_found_only_by_power_search,
         measurements_continue_after_all_faults_at_once,
-    ];
-    let failed: Vec<&str> = thread::scope(|scope| {
-        let running = cases.map(|(name, case)| {
-            let thread = thread::Builder::new().name(name.to_owned());
-            (name, thread.spawn_scoped(scope, case).unwrap())
-        });
-        let failed = running
-            .into_iter()
-            .filter_map(|(name, thread)| thread.join().err().map(|_| name));
-        failed.collect()
-    });
-    assert!(failed.is_empty(), "{failed:?}");
+    ]);
 }
 
 fn a_lost_prism_is_locked_again() {
