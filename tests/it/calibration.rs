@@ -6,11 +6,12 @@ use std::sync::LazyLock;
 
 use crate::common::demo_drive::{DemoDrive, calibrate};
 use crate::common::joint_drive::bend;
-use crate::common::{files, write_files};
+use crate::common::{files, simulated, write_files};
 use boresight::calibration::{Calibration, CalibrationSettings, Method};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
-use boresight::pipeline::stages::EstimatedPoses;
+use boresight::pipeline::stages::{self, EstimatedPoses};
+use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::Scenario;
 use tempfile::TempDir;
@@ -40,6 +41,13 @@ fn case() -> Case {
         project,
         _folder: folder,
     }
+}
+
+/// The smallest drive, where the numbers do not matter, and the folder of its files.
+fn tiny() -> (TempDir, Project) {
+    let (temp, drive) = simulated();
+    let project = Project::read(&drive.join("project.toml")).unwrap();
+    (temp, project)
 }
 
 /// Calibrates with the settings of the project.
@@ -117,7 +125,9 @@ fn with_exact_poses_the_mountings_are_the_true_ones() {
 #[test]
 fn with_estimated_poses_the_errors_match_their_sigmas() {
     let case = case();
-    let calibration = calibrated(&case.project, &case.drive.estimated, &case.drive.reference);
+    let mut project = case.project.clone();
+    project.calibration.voxel_sizes_m = vec![0.05, 0.03];
+    let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
     assert!(calibration.observability.unobservable.is_empty());
     assert_errors_match_sigmas(case.drive, &calibration, "estimated poses");
     let constancy = calibration.constancy.unwrap();
@@ -158,11 +168,10 @@ fn without_a_reference_the_common_height_is_reported_and_held() {
 
 #[test]
 fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
-    let case = case();
-    let mut project = case.project.clone();
+    let (_temp, mut project) = tiny();
     project.scanners.truncate(1);
-    project.calibration.voxel_sizes_m = vec![0.05];
-    let mut calibration = calibrated(&project, &case.drive.estimated, &[]);
+    let poses = stages::poses(&project, &Silent).unwrap();
+    let mut calibration = calibrated(&project, &poses, &[]);
     assert_eq!(
         calibration.observability.unobservable[0].description,
         "the height of `left`"
@@ -183,14 +192,14 @@ fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
 
 #[test]
 fn fixed_parameters_stay_at_their_values() {
-    let case = case();
-    let mut project = case.project.clone();
+    let (_temp, mut project) = tiny();
     project.scanners.truncate(1);
     for scanner in &mut project.scanners {
         scanner.fixed = [true, false, true, false, true, false];
     }
-    project.calibration.voxel_sizes_m = vec![0.05];
-    let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
+    let poses = stages::poses(&project, &Silent).unwrap();
+    let reference = stages::reference(&project, &Silent).unwrap();
+    let calibration = calibrated(&project, &poses, &reference);
     for (scanner, before) in project.scanners.iter().enumerate() {
         let (a, b) = (
             &before.body_from_scanner,

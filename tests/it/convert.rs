@@ -83,9 +83,9 @@ fn results_of_a_run_are_read_back_from_every_format() {
         assert!(a.rotation.angle_to(&b.rotation) < 1e-6);
     }
 
+    let run = on_project(&drive, "calibrate", &[]);
+    assert_eq!(run.code, 0, "{}", run.err);
     for name in ["../project.toml", "../out/calibration.toml"] {
-        let run = on_project(&drive, "calibrate", &[]);
-        assert_eq!(run.code, 0, "{}", run.err);
         for target in ["m.urdf", "m.launch.py", "m.yaml"] {
             let summary = converted(&out, name, target, &["--body", "base"]);
             assert!(summary.contains("2 scanners on a body with"), "{summary}");

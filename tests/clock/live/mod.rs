@@ -175,9 +175,22 @@ fn distances_ms(recorded: &Path, speed: f64) -> [f64; 2] {
     summary_ms(&mut delays.collect::<Vec<f64>>())
 }
 
+/// A drive of a single pass, as playing takes a fifth of its duration, and the folder in which it is.
+fn one_pass() -> (tempfile::TempDir, PathBuf) {
+    let temp = tempfile::tempdir().unwrap();
+    let [scenario, out] = ["scenario.toml", "field"].map(|name| temp.path().join(name));
+    let second = ", { board = 0, heading_deg = 270.0 }";
+    assert!(common::TINY_SCENARIO.contains(second));
+    fs::write(&scenario, common::TINY_SCENARIO.replace(second, "")).unwrap();
+    let [from, to] = [&scenario, &out].map(|path| path.to_str().unwrap());
+    let run = boresight(&["simulate", "--scenario", from, "--out", to]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    (temp, out.join("drive-1"))
+}
+
 #[test]
 fn a_recording_gives_the_trajectory_of_the_original_files() {
-    let (temp, drive) = common::simulated();
+    let (temp, drive) = one_pass();
     let recording = temp.path().join("recording");
     twin::record(&drive.join("project.toml"), &recording);
     let original = poses(&drive);

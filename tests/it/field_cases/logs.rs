@@ -57,6 +57,12 @@ fn float_solutions_never_count_as_fixed_ones() {
     let folder = tempfile::tempdir().unwrap();
     let mut scenario = Scenario::demo();
     scenario.drives.truncate(1);
+    // Only the logs are read.
+    scenario.profiles.rate_hz = 1.0;
+    (
+        scenario.reference.board_spacing_m,
+        scenario.reference.soil_spacing_m,
+    ) = (0.1, 0.1);
     let files = simulate(&scenario, folder.path(), &Silent).unwrap();
     let drive = &files.drives[0].folder;
     fs::copy(
