@@ -124,12 +124,15 @@ fn with_exact_poses_the_mountings_are_the_true_ones() {
 
 #[test]
 fn with_estimated_poses_the_errors_match_their_sigmas() {
-    let case = case();
-    let mut project = case.project.clone();
-    project.calibration.voxel_sizes_m = vec![0.05, 0.03];
-    let calibration = calibrated(&project, &case.drive.estimated, &case.drive.reference);
+    // With half of the points, which are enough for these scales.
+    let mut scenario = Scenario::demo();
+    (scenario.profiles.rate_hz, scenario.profiles.width) = (20.0, 200);
+    let folder = tempfile::tempdir().unwrap();
+    let mut drive = DemoDrive::simulate(scenario, folder.path()).unwrap();
+    drive.project.calibration.voxel_sizes_m = vec![0.05, 0.03];
+    let calibration = calibrated(&drive.project, &drive.estimated, &drive.reference);
     assert!(calibration.observability.unobservable.is_empty());
-    assert_errors_match_sigmas(case.drive, &calibration, "estimated poses");
+    assert_errors_match_sigmas(&drive, &calibration, "estimated poses");
     let constancy = calibration.constancy.unwrap();
     assert!(constancy.constant, "{} times expected", constancy.ratio);
     let gap = calibration.gap.unwrap();

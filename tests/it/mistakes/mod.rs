@@ -75,6 +75,7 @@ static SHORT: LazyLock<Clean> = LazyLock::new(|| Clean::of(shorten, "[0.06, 0.04
 /// Voxel sizes of the small field, metres.
 const FINE: &str = "[0.05, 0.03, 0.015]";
 
+/// Leaves out passes, rays and points of the reference.
 fn shorten(scenario: &mut Scenario) {
     scenario.drives[0].passes.truncate(3);
     (scenario.profiles.rate_hz, scenario.profiles.width) = (12.0, 120);
@@ -122,7 +123,7 @@ fn by_name(name: &str) -> &'static Mistake {
 }
 
 /// One mistake for each part of a run that must detect it: the project, the logs, the trajectory, the placement of the
-/// scans, the reference.
+/// scans and the joint adjustment, the reference.
 const ONE_PER_STAGE: [&str; 5] = [
     "translation in mm",
     "accelerations with the wrong sign",
