@@ -122,6 +122,10 @@ impl Observability {
         let Some(scaled) = lower.solve_lower_triangular(&half.transpose()) else {
             return self;
         };
+        // The squares of wildly wrong points overflow.
+        if scaled.is_empty() || scaled.iter().any(|entry| !entry.is_finite()) {
+            return self;
+        }
         let eigen = SymmetricEigen::new(scaled);
         let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
