@@ -170,7 +170,6 @@
 //! | [`output`] | result files, written completely or not at all |
 //! | [`statistics`] | median, quantiles, χ², F, Student's t, series in time |
 //! | [`geometry`] | rotations, rigid transforms, Euler conventions, headings |
-//! | [`verdict`] | statements about results, with severity and code |
 //! | [`sensor`] | measurements of each sensor, validated |
 //! | [`cloud`] | points, voxel grid, nearest neighbours, structure tensor, omnivariance |
 //! | [`mod@format`] | readers and writers, one file per format; detection |
@@ -186,6 +185,7 @@
 //! | [`comparison`] | M3C2 and its statistics |
 //! | [`tiles`] | clouds larger than memory: features, M3C2, thinning |
 //! | [`simulation`] | scene, drives and sensors with known truth; does not use the estimators |
+//! | [`verdict`] | statements about results, with severity and code |
 //! | [`results`] | results of the stages, before they are judged or shown |
 //! | [`number`] | values as text: significant digits, lengths with their unit |
 //! | [`diagnostics`] | numbers on an adjusted trajectory: sigmas of poses, residuals, rejections |
@@ -207,10 +207,10 @@ pub use boresight_cloud::{Error, Problem, Result, nalgebra};
 pub use boresight_cloud::{cloud, comparison, error, geometry, output, progress, statistics};
 pub use boresight_estimation::{
     adjustment, calibration, drift, georeference, joint, preflight, surface, trajectory,
-    trajectory_error, verdict,
+    trajectory_error,
 };
 pub use boresight_format::{format, sensor, tiles};
 pub use boresight_project::{feed, project};
 pub use boresight_record::record;
-pub use boresight_report::{diagnostics, judgement, number, report, results};
+pub use boresight_report::{diagnostics, judgement, number, report, results, verdict};
 pub use boresight_simulation::simulation;

@@ -17,7 +17,6 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::{Project, Scanner};
 use crate::results::{Calibrations, Drive};
-use crate::verdict::Severity;
 
 /// The results of the stages that need no scans.
 pub struct BeforeScans {
@@ -105,10 +104,9 @@ impl<'a> Calibrated<'a> {
             )
         })?;
         // On badly misplaced scans, the joint adjustment would take minutes before it refuses them.
-        let mut verdicts = poses.preflight.iter().chain(&start.verdicts);
-        let hindrance = verdicts
-            .any(|verdict| verdict.severity == Severity::Fault)
-            .then_some("the logs or scans have a fault (see the first verdict)");
+        let has_fault = poses.log_findings.spoil_poses() || start.first.placed.is_mistaken();
+        let hindrance =
+            has_fault.then_some("the logs or scans have a fault (see the first verdict)");
         let joint = match (project.is_joint, hindrance) {
             (true, None) => Some(job.once("adjust jointly", &keys.joint, |progress| {
                 let input = joint::Drive {
@@ -228,7 +226,7 @@ impl<'a> Calibrated<'a> {
             made_s: page::now_s(),
             files: Vec::new(),
             stages: job.stages().to_vec(),
-            placement: self.start.verdicts,
+            placement: self.start.first,
             warnings: job.warnings().to_vec(),
             verdicts: Vec::new(),
             kept_stages: None,

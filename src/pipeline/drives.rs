@@ -316,8 +316,7 @@ pub fn drive(name: &str, poses: Poses, agreements: Agreements) -> Drive {
         solution: poses.solution,
         rejected_rows: poses.rejected_rows,
         agreements,
-        preflight: poses.preflight,
-        doubts: poses.doubts,
+        log_findings: poses.log_findings,
     }
 }
 

@@ -9,7 +9,7 @@ use crate::judgement;
 use crate::progress::StageSeconds;
 use crate::report::content::InputFile;
 use crate::report::scene::Scene;
-use crate::results::{Calibrations, Drive, Results};
+use crate::results::{Calibrations, Drive, FirstPlacement, Results};
 use crate::trajectory::Trajectory;
 use crate::verdict::Verdict;
 
@@ -56,8 +56,8 @@ pub struct Findings {
     pub files: Vec<InputFile>,
     /// Run times in order.
     pub stages: Vec<StageSeconds>,
-    /// Contradictions between the scans and their first placement.
-    pub placement: Vec<Verdict>,
+    /// The first placement of the scans.
+    pub placement: FirstPlacement,
     /// Results that need attention.
     pub warnings: Vec<String>,
     /// The verdicts on the results, the gravest first.
@@ -77,7 +77,7 @@ impl Findings {
     pub fn results(&self) -> Results<'_> {
         Results {
             drives: &self.drives,
-            placement: &self.placement,
+            placement: Some(&self.placement),
             calibrations: Some(&self.calibrations),
         }
     }

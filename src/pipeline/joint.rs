@@ -69,8 +69,7 @@ pub fn report(
         let poses = &estimated.poses;
         contradicted.push(ContradictedLogs {
             drive: other.name.clone(),
-            preflight: poses.preflight.clone(),
-            doubts: poses.doubts.clone(),
+            findings: poses.log_findings.clone(),
         });
         let samples = stages::samples(&other_project, &rig, &poses.trajectory, progress)?;
         other_drives.push((other.name.as_str(), other_project, rig, estimated, samples));

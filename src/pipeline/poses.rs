@@ -13,15 +13,14 @@ use crate::format;
 use crate::geometry::Vec3;
 use crate::judgement;
 use crate::preflight::{
-    HEADING_SIGN, Log, late_logs, logs as contradictions, position_noise, unmeasured,
+    Contradiction, Log, LogFindings, late_logs, logs as contradictions, position_noise, unmeasured,
 };
 use crate::progress::Progress;
 use crate::project::{Logs, Motion, PosesFile, Project};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{
-    Doubt, Estimate, PosteriorCovariance, Solution, Tested, Trajectory, estimate, estimate_tested,
+    Estimate, PosteriorCovariance, Solution, Tested, Trajectory, estimate, estimate_tested,
 };
-use crate::verdict::{Severity, Verdict};
 
 /// Longest time between nodes if the joint adjustment corrects the poses, seconds, also where the prism has no fixes.
 const JOINT_STEP_S: f64 = 0.25;
@@ -50,10 +49,8 @@ pub struct Poses {
     pub rejected_rows: Vec<RejectedRow>,
     /// Wall time of the estimation without reading; `None` if the poses came from a file.
     pub seconds: Option<f64>,
-    /// Constants of the project that the drive contradicts, the gravest first.
-    pub doubts: Vec<Doubt>,
-    /// Contradictions in the raw logs.
-    pub preflight: Vec<Verdict>,
+    /// What the logs contradict.
+    pub log_findings: LogFindings,
 }
 
 impl EstimatedPoses {
@@ -65,8 +62,7 @@ impl EstimatedPoses {
                 solution: None,
                 rejected_rows: Vec::new(),
                 seconds: None,
-                doubts: Vec::new(),
-                preflight: Vec::new(),
+                log_findings: LogFindings::default(),
             },
             covariance: None,
         }
@@ -96,11 +92,11 @@ pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPose
     }
 }
 
-/// Corrects faults that the raw logs show beyond doubt; returns verdicts on these and on other contradictions.
+/// Corrects faults that the raw logs show beyond doubt; returns these and other contradictions.
 ///
 /// # Errors
 /// See [`crate::preflight::logs`].
-fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
+fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Contradiction>> {
     let file = |log: Log| {
         let path = match log {
             Log::Imu => &files.imu.path,
@@ -115,7 +111,7 @@ fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             .to_string_lossy()
             .into_owned()
     };
-    let mut verdicts = unmeasured(&logs.motion(), &logs.settings, &file);
+    let mut found = unmeasured(&logs.motion(), &logs.settings, &file);
     for late in late_logs(&logs.motion(), &logs.settings) {
         let on_time = |time_s: &mut f64| *time_s -= late.late_s;
         match late.log {
@@ -126,19 +122,21 @@ fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Verdict>> {
             }
             Log::Heading => logs.heading.iter_mut().for_each(|h| on_time(&mut h.time_s)),
         }
-        verdicts.push(late.verdict);
+        found.push(Contradiction::Late(late));
     }
-    verdicts.extend(contradictions(&logs.motion(), &logs.settings)?);
-    if verdicts.iter().any(|v| v.code == HEADING_SIGN) {
+    found.extend(contradictions(&logs.motion(), &logs.settings)?);
+    let is_opposite =
+        |found: &Contradiction| matches!(found, Contradiction::OppositeHeadings { .. });
+    if found.iter().any(is_opposite) {
         logs.heading.clear();
     }
     for (fixes, position) in logs.positions.iter().zip(&mut logs.settings.positions) {
-        if let Some((factors, verdict)) = position_noise(fixes, position) {
-            position.sigma_m.component_mul_assign(&factors);
-            verdicts.push(verdict);
+        if let Some(noise) = position_noise(fixes, position) {
+            position.sigma_m = noise.sigma_m;
+            found.push(Contradiction::Noise(noise));
         }
     }
-    Ok(verdicts)
+    Ok(found)
 }
 
 fn poses_from_logs(
@@ -151,17 +149,20 @@ fn poses_from_logs(
     if project.is_joint && !project.scanners.is_empty() {
         logs.settings.max_step_s = JOINT_STEP_S;
     }
-    let contradicted = correct_faults(&mut logs, files)?;
-    for verdict in &contradicted {
-        progress.verdict(&verdict.text);
+    let mut findings = LogFindings {
+        contradictions: correct_faults(&mut logs, files)?,
+        ..LogFindings::default()
+    };
+    for found in &findings.contradictions {
+        progress.verdict(&judgement::contradiction(found).text);
     }
-    let recorded = recorded::verdicts(project)?;
-    for verdict in recorded.iter().filter(|v| v.severity.is_marked()) {
+    findings.clocks = recorded::clocks(project)?;
+    let on_clocks = findings.clocks.iter().flat_map(judgement::recording);
+    for verdict in on_clocks.filter(|v| v.severity.is_marked()) {
         progress.verdict(&verdict.text);
     }
     let begun = Instant::now();
-    // Constants and noise that are estimated with wrong axes or signs are meaningless.
-    let is_sound = contradicted.iter().all(|v| v.severity != Severity::Fault);
+    let is_sound = !findings.spoil_poses();
     let Tested {
         estimate,
         doubts,
@@ -175,9 +176,8 @@ fn poses_from_logs(
             steps: Vec::new(),
         }
     };
-    let steps: Vec<Verdict> = steps.iter().map(judgement::position_step).collect();
-    for verdict in &steps {
-        progress.verdict(&verdict.text);
+    for step in &steps {
+        progress.verdict(&judgement::position_step(step).text);
     }
     for doubt in &doubts {
         progress.verdict(&judgement::doubt(doubt).text);
@@ -193,12 +193,11 @@ fn poses_from_logs(
         solution: Some(solution),
         rejected_rows: logs.rejected,
         seconds: Some(seconds),
-        doubts,
-        preflight: contradicted
-            .into_iter()
-            .chain(steps)
-            .chain(recorded)
-            .collect(),
+        log_findings: LogFindings {
+            steps,
+            doubts,
+            ..findings
+        },
     };
     Ok(EstimatedPoses {
         poses,
@@ -218,35 +217,35 @@ pub fn rough_poses(project: &Project, progress: &dyn Progress) -> Result<Poses> 
     let mut logs = DriveLogs::read(project, files, progress)?;
     logs.settings.nodes = Default::default();
     logs.settings.estimate.clear();
-    let preflight = correct_faults(&mut logs, files)?;
+    let contradictions = correct_faults(&mut logs, files)?;
     let estimate = estimate(&logs.motion(), &logs.settings, progress)?;
     Ok(Poses {
         trajectory: estimate.trajectory.with_limits(project.limits)?,
         solution: Some(estimate.solution),
         rejected_rows: logs.rejected,
         seconds: None,
-        doubts: Vec::new(),
-        preflight,
+        log_findings: LogFindings {
+            contradictions,
+            ..LogFindings::default()
+        },
     })
 }
 
-/// The verdicts on the raw logs of a project, including one that they are consistent, without an adjustment; empty if
-/// the project has poses.
+/// What the raw logs of a project contradict, without an adjustment; `None` if the project has poses.
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
-pub fn preflight(project: &Project, progress: &dyn Progress) -> Result<Vec<Verdict>> {
+pub fn preflight(project: &Project, progress: &dyn Progress) -> Result<Option<LogFindings>> {
     match &project.motion {
         Motion::Logs(files) => {
             let mut logs = DriveLogs::read(project, files, progress)?;
-            let mut verdicts = correct_faults(&mut logs, files)?;
-            if verdicts.is_empty() {
-                verdicts.push(judgement::consistent_logs());
-            }
-            verdicts.extend(recorded::verdicts(project)?);
-            Ok(verdicts)
+            Ok(Some(LogFindings {
+                contradictions: correct_faults(&mut logs, files)?,
+                clocks: recorded::clocks(project)?,
+                ..LogFindings::default()
+            }))
         }
-        Motion::Poses(_) => Ok(Vec::new()),
+        Motion::Poses(_) => Ok(None),
     }
 }
 

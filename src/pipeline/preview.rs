@@ -16,7 +16,7 @@ use crate::judgement;
 use crate::progress::Progress;
 use crate::project::Project;
 use crate::trajectory::Trajectory;
-use crate::verdict::{Severity, Verdict};
+use crate::verdict::Verdict;
 
 /// What was found about the inputs of a run.
 #[derive(Debug, Default, Serialize)]
@@ -69,15 +69,15 @@ pub fn preview(project: &Project, progress: &dyn Progress) -> Result<Preview> {
         progress,
     };
     let project = &with_origin(project, &warnings);
+    let logs = stages::preflight(project, &warnings)?;
     let mut preview = Preview {
-        verdicts: stages::preflight(project, &warnings)?,
+        verdicts: logs.iter().flat_map(judgement::raw_logs).collect(),
         ..Preview::default()
     };
     let others = project.drives.iter().chain(&project.evaluations);
     let others = others.map(|drive| format!("drive {}: inspect its project", drive.name));
     preview.not_seen.extend(others);
-    let is_fault = |verdict: &Verdict| verdict.severity == Severity::Fault;
-    if preview.verdicts.iter().any(is_fault) {
+    if logs.is_some_and(|logs| logs.spoil_poses()) {
         let reason = "the scans: the logs have a fault, and the poses would mean nothing";
         preview.not_seen.push(reason.to_owned());
     } else if let Err(error) = preview.poses_and_scans(project, &warnings) {
@@ -132,16 +132,7 @@ impl Preview {
             .collect();
         stages::check_reference(project, &rig, &samples, &reference)?;
         let start = start::start(project, &rig, trajectory, &samples, &reference, warnings);
-        let contradicts = start
-            .verdicts
-            .iter()
-            .any(|verdict| verdict.severity.is_marked());
-        self.verdicts.extend(start.verdicts);
-        // A placement that contradicts nothing may also show nothing.
-        if !contradicts {
-            self.verdicts
-                .push(judgement::first_placement(start.apart_m));
-        }
+        self.verdicts.extend(judgement::looked_at(&start.first));
         Ok(())
     }
 }

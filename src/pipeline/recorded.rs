@@ -3,27 +3,24 @@
 use std::path::Path;
 
 use crate::error::Result;
-use crate::format::{is_in_recording, recording_clock, sensor_clock};
-use crate::judgement;
+use crate::format::{RecordingClocks, is_in_recording, recording_clock, sensor_clock};
 use crate::project::{Motion, Project};
-use crate::verdict::Verdict;
 
-/// The verdicts on the recording of a drive: on the system clock and on each of its logs; empty if the logs were not
-/// recorded.
+/// The clocks of the recording of a drive: of its computer, and of each of its logs; `None` if the logs were not recorded.
 ///
 /// # Errors
 /// Files of the recording that cannot be read; see [`sensor_clock`].
-pub(super) fn verdicts(project: &Project) -> Result<Vec<Verdict>> {
+pub(super) fn clocks(project: &Project) -> Result<Option<RecordingClocks>> {
     let logs = logs(project);
     let Some(system) = logs.iter().find_map(|(_, path)| recording_clock(path)) else {
-        return Ok(Vec::new());
+        return Ok(None);
     };
     let system = system?;
     let mut sensors = Vec::new();
     for (name, path) in logs {
-        sensors.extend(sensor_clock(path)?.map(|clock| (name, clock)));
+        sensors.extend(sensor_clock(path)?.map(|clock| (name.to_owned(), clock)));
     }
-    Ok(judgement::recording(&system, &sensors))
+    Ok(Some(RecordingClocks { system, sensors }))
 }
 
 /// Whether the logs of a drive were recorded with the times of their arrival.

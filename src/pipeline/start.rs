@@ -8,13 +8,13 @@ use crate::calibration::{Reach, ScannerSample, better_start, point_spacing_m};
 use crate::cloud::voxel::occupied;
 use crate::error::Result;
 use crate::geometry::Vec3;
-use crate::judgement::far_starts;
+use crate::judgement;
 use crate::preflight::{Placement, fans, scans};
 use crate::progress::Progress;
 use crate::project::Project;
+use crate::results::FirstPlacement;
 use crate::statistics::median;
 use crate::trajectory::Trajectory;
-use crate::verdict::Verdict;
 
 /// Work units of the search for a better start; evaluating one start is one unit.
 const SEARCH_UNITS: u64 = 6;
@@ -136,10 +136,8 @@ pub struct Start {
     /// The mountings of the project, or others with which the clouds take up much less space; and the scales of the
     /// project, preceded by coarser ones if the clouds lie too far apart for them.
     pub rig: Rig,
-    /// How far clouds of the same ground lie apart, metres; `None` if too little shows it.
-    pub apart_m: Option<f64>,
-    /// Contradictions between the scans and their placement.
-    pub verdicts: Vec<Verdict>,
+    /// How the scans lie with these mountings.
+    pub first: FirstPlacement,
 }
 
 /// Examines the scans with the mountings of `rig`, and finds the start of the calibration.
@@ -175,28 +173,27 @@ pub fn start(
     let better = better.map(|poses| rig.with_poses(&poses));
     let better = better.map(|rig| (placed(&rig), rig));
     drop(stage);
-    let (placed, mut begin, mut verdicts) = match better {
+    let (placed, mut begin) = match better {
         // A better start is not used if a usual mistake explains the scans about as well.
         Some((other, better))
             if other.is_as_close_as(&initial) && !initial.is_explained_as_well_as(&other) =>
         {
-            let verdicts = far_starts(&rig.mountings, &better.mountings);
-            (other, better, verdicts)
+            (other, better)
         }
-        _ => (initial, rig.clone(), Vec::new()),
+        _ => (initial, rig.clone()),
     };
     let apart_m = placed.apart_m();
-    verdicts.extend(placed.verdict);
-    verdicts.extend(fans(&begin.mountings, samples));
-    for verdict in &verdicts {
+    let first = FirstPlacement {
+        project: rig.mountings.clone(),
+        start: begin.mountings.clone(),
+        placed,
+        views: fans(&begin.mountings, samples),
+    };
+    for verdict in judgement::first_placement(&first) {
         progress.verdict(&verdict.text);
     }
     begin.voxel_sizes_m = scales_for(project, &begin, samples, rough_m, apart_m, progress);
-    Start {
-        rig: begin,
-        apart_m,
-        verdicts,
-    }
+    Start { rig: begin, first }
 }
 
 /// The distance by which rough initial values move points, metres.

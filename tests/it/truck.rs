@@ -7,6 +7,7 @@ use boresight::calibration::Calibration;
 use boresight::cloud::NeighbourIndex;
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
 use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Scans, adjust};
+use boresight::judgement::first_placement;
 use boresight::pipeline::clouds::Mounted;
 use boresight::pipeline::start::start;
 use boresight::pipeline::{Extras, Options, Rig, analyse, clouds, stages};
@@ -240,11 +241,12 @@ fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
     let rig = Rig::new(project);
     let samples = stages::samples(project, &rig, poses.trajectory(), &Silent).unwrap();
     let start = start(project, &rig, poses.trajectory(), &samples, &[], &Silent);
-    let mut verdicts = start.verdicts.iter();
+    let verdicts = first_placement(&start.first);
     assert!(
-        verdicts.all(|v| v.code == "mounting.start" || !v.severity.is_marked()),
-        "{:?}",
-        start.verdicts
+        verdicts
+            .iter()
+            .all(|v| v.code == "mounting.start" || !v.severity.is_marked()),
+        "{verdicts:?}"
     );
     let (start, settings) = (&start.rig.mountings, start.rig.settings(project));
     let calibration =

@@ -4,7 +4,6 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`verdict`] | statements about results, with severity and code |
 //! | [`adjustment`] | least squares on a chain with border: normal equations, covariances, losses |
 //! | [`trajectory`] | states, factors, graph, batch and online smoother, diagnostics, interpolation |
 //! | [`trajectory_error`] | absolute and relative errors of a trajectory against a reference |
@@ -24,7 +23,6 @@ pub mod preflight;
 pub mod surface;
 pub mod trajectory;
 pub mod trajectory_error;
-pub mod verdict;
 
 // The modules of earlier crates, under the names that they have in `boresight`.
 use boresight_cloud::{cloud, error, geometry, progress, statistics};

@@ -12,6 +12,6 @@ pub mod project;
 
 // Modules of the crates below, under the names that they have in `boresight`.
 use boresight_cloud::{comparison, error, geometry, statistics};
-use boresight_estimation::{calibration, joint, trajectory, verdict};
+use boresight_estimation::{calibration, joint, trajectory};
 use boresight_format::{format, sensor};
-use boresight_report::report;
+use boresight_report::{report, verdict};

@@ -2,23 +2,36 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{Calibration, Method, Variant};
+use crate::calibration::{Calibration, Method, Mounting, Variant};
 use crate::comparison::{Agreements, MountingKind};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::joint::{Joint, JointReport};
+use crate::preflight::{LogFindings, Placed, View};
 use crate::sensor::{PoseRecord, RejectedRow};
-use crate::trajectory::{Doubt, Solution};
-use crate::verdict::Verdict;
+use crate::trajectory::Solution;
 
 /// The results of a run that are judged.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Results<'a> {
     /// The calibration drive, then the others.
     pub drives: &'a [Drive],
-    /// Contradictions between the scans and their first placement.
-    pub placement: &'a [Verdict],
+    /// The first placement of the scans; `None` if none were placed.
+    pub placement: Option<&'a FirstPlacement>,
     /// The calibration, with the values that it is compared with.
     pub calibrations: Option<&'a Calibrations>,
+}
+
+/// The first placement of the scans, before the calibration.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct FirstPlacement {
+    /// The mountings of the project.
+    pub project: Vec<Mounting>,
+    /// Those with which the calibration starts.
+    pub start: Vec<Mounting>,
+    /// How well the scans fit together with these.
+    pub placed: Placed,
+    /// Scanners that see what they should not.
+    pub views: Vec<View>,
 }
 
 /// A calibration, with the values that it is compared with. All lists hold the same scanners in the same order.
@@ -89,8 +102,6 @@ pub struct Drive {
     pub rejected_rows: Vec<RejectedRow>,
     /// Agreement of its clouds.
     pub agreements: Agreements,
-    /// Contradictions in its raw logs.
-    pub preflight: Vec<Verdict>,
-    /// Constants of its project that it contradicts.
-    pub doubts: Vec<Doubt>,
+    /// What its logs contradict.
+    pub log_findings: LogFindings,
 }

@@ -158,7 +158,7 @@ fn what_was_not_measured_is_decided_before_the_work() {
             is_done("calibrate") && !is_done("adjust jointly"),
             "{name}: {stages:?}"
         );
-        assert!(findings.drives[0].doubts.is_empty(), "{name}");
+        assert!(findings.drives[0].log_findings.doubts.is_empty(), "{name}");
     }
 }
 

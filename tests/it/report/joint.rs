@@ -14,6 +14,7 @@ use boresight::joint::{
 use boresight::pipeline::{Findings, Rig, result};
 use boresight::report::content::Content;
 use boresight::report::render;
+use boresight::results::FirstPlacement;
 use boresight::trajectory::{EstimatedConstant, StopReason, Trajectory};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
@@ -362,7 +363,7 @@ fn document(full: Full) -> Value {
         made_s: 0.0,
         files: Vec::new(),
         stages: full.stages,
-        placement: Vec::new(),
+        placement: FirstPlacement::default(),
         warnings: full.warnings,
         verdicts: Vec::new(),
         kept_stages: None,

@@ -81,7 +81,7 @@ impl Full {
         };
         let results = Results {
             drives: &content.drives,
-            placement: &[],
+            placement: None,
             calibrations: content.calibrations.as_deref(),
         };
         content.verdicts = judge(&results, &Acceptance::default());

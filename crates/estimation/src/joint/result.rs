@@ -14,9 +14,9 @@ use super::surfel::Region;
 use crate::adjustment::StopReason;
 use crate::calibration::{Calibration, Method, Mounting, Observability, UnobservableDirection};
 use crate::geometry::{Bending, BodyFromScanner, Vec3, WorldFromBody};
+use crate::preflight::LogFindings;
 use crate::statistics::rms;
-use crate::trajectory::{Doubt, EstimatedConstant, Trajectory};
-use crate::verdict::Verdict;
+use crate::trajectory::{EstimatedConstant, Trajectory};
 
 /// Mountings and trajectories adjusted together.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -298,10 +298,8 @@ pub struct HeldOut {
 pub struct ContradictedLogs {
     /// Name of the drive.
     pub drive: String,
-    /// Contradictions in the raw logs.
-    pub preflight: Vec<Verdict>,
-    /// Constants of the project that the drive contradicts.
-    pub doubts: Vec<Doubt>,
+    /// What they contradict.
+    pub findings: LogFindings,
 }
 
 /// A scanner whose profiles are later than the project says.

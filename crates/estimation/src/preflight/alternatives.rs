@@ -1,10 +1,70 @@
 //! The mistakes that are tried where scans do not form a surface.
 
 use nalgebra::Quaternion;
+use serde::{Deserialize, Serialize};
 
-use super::TIME_SCALES_S;
+use super::time_scales::TimeScales;
 use crate::calibration::Mounting;
 use crate::geometry::{BodyFromScanner, EulerConvention, Rotation, Vec3};
+
+/// A usual mistake in mountings, clocks or heights. Scanners are named as in the project.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Mistake {
+    /// All rotations are those from body to scanner.
+    InverseRotations {
+        /// The convention with which the inverse rotations are those that are written.
+        convention: EulerConvention,
+    },
+    /// Quaternions are w, x, y, z.
+    QuaternionsWxyz,
+    /// The rotation of a scanner is that from body to scanner.
+    InverseRotation {
+        /// The scanner.
+        scanner: String,
+        /// The convention with which the inverse rotation is the one that is written.
+        convention: EulerConvention,
+    },
+    /// The profiles of two scanners are exchanged.
+    Swapped([String; 2]),
+    /// A component of a scanner's translation has the other sign.
+    TranslationSign {
+        /// The scanner.
+        scanner: String,
+        /// The component.
+        axis: usize,
+    },
+    /// A scanner is turned by 180° about one of its axes.
+    HalfTurn {
+        /// The scanner.
+        scanner: String,
+        /// The axis.
+        axis: usize,
+    },
+    /// All scanners are turned by 180° about one of their axes.
+    HalfTurns {
+        /// The axis.
+        axis: usize,
+    },
+    /// Translations are given in FLU where the body is FRD, or the other way round.
+    TranslationSigns {
+        /// Whether y has the other sign too, not z alone.
+        with_y: bool,
+    },
+    /// Mountings are given in FLU where the body is FRD, or the other way round.
+    OtherAxes,
+    /// The times of the scanners are in another time scale.
+    ScannerTimes {
+        /// Their time scale and that of the trajectory.
+        scales: TimeScales,
+        /// What is to be added to their times, seconds.
+        late_s: f64,
+    },
+    /// The reference lies too low.
+    ReferenceHeight {
+        /// By how much, metres; negative where it lies too high.
+        above_m: f64,
+    },
+}
 
 /// The project without one of the usual mistakes.
 pub struct Alternative {
@@ -12,14 +72,9 @@ pub struct Alternative {
     pub poses: Vec<BodyFromScanner>,
     /// What is added to the times of the scanners, seconds.
     pub late_s: f64,
-    /// Code of the verdict.
-    pub code: &'static str,
-    /// The mistake, in words that follow "Only 0.02 m remain".
-    pub text: String,
+    /// The mistake.
+    pub mistake: Mistake,
 }
-
-/// The axes of a scanner or of the body.
-const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Half a turn about one of the axes.
 fn half_turn(axis: usize) -> Rotation {
@@ -36,113 +91,89 @@ fn of_quaternion_wxyz(read: &BodyFromScanner) -> BodyFromScanner {
 /// The usual mistakes in mountings and clocks of scanners; `nominal` are those of the project.
 pub fn alternatives(mountings: &[Mounting], nominal: &[BodyFromScanner]) -> Vec<Alternative> {
     let mut all = Vec::new();
-    let mut add = |poses: Vec<BodyFromScanner>, code, text: String| {
+    let mut add = |poses: Vec<BodyFromScanner>, mistake: Mistake| {
         all.push(Alternative {
             poses,
             late_s: 0.0,
-            code,
-            text,
+            mistake,
         });
     };
     let inverse =
         |pose: &BodyFromScanner| BodyFromScanner::new(pose.rotation.inverse(), pose.translation_m);
     let other_convention = |convention| match convention {
-        EulerConvention::Bonn => "zyx",
-        EulerConvention::Zyx => "bonn",
+        EulerConvention::Bonn => EulerConvention::Zyx,
+        EulerConvention::Zyx => EulerConvention::Bonn,
     };
-    let convention = mountings
-        .first()
-        .map_or("zyx", |m| other_convention(m.convention));
+    let convention = mountings.first().map_or(EulerConvention::Zyx, |mounting| {
+        other_convention(mounting.convention)
+    });
     add(
         nominal.iter().map(inverse).collect(),
-        "scanner.convention",
-        format!(
-            "with the inverse rotations: write rotation_convention = \"{convention}\", or invert the quaternions."
-        ),
+        Mistake::InverseRotations { convention },
     );
     add(
         nominal.iter().map(of_quaternion_wxyz).collect(),
-        "scanner.convention",
-        "with quaternions whose components are w, x, y, z: write them as x, y, z, w.".into(),
+        Mistake::QuaternionsWxyz,
     );
     for i in 0..nominal.len() {
         let name = &mountings[i].name;
         if nominal.len() > 1 {
             let mut poses = nominal.to_vec();
             poses[i] = inverse(&poses[i]);
-            let text = format!(
-                "with the inverse rotation of scanner `{name}`: write rotation_convention = \"{}\" there.",
-                other_convention(mountings[i].convention)
+            let convention = other_convention(mountings[i].convention);
+            let scanner = name.clone();
+            add(
+                poses,
+                Mistake::InverseRotation {
+                    scanner,
+                    convention,
+                },
             );
-            add(poses, "scanner.convention", text);
         }
         for (j, second) in mountings.iter().enumerate().skip(i + 1) {
             let mut poses = nominal.to_vec();
             poses.swap(i, j);
-            let text = format!(
-                "with the profiles of `{name}` and `{}` exchanged: the files, or the mountings, are those of \
-                 the other scanner.",
-                second.name
-            );
-            add(poses, "scanner.swapped", text);
+            add(poses, Mistake::Swapped([name.clone(), second.name.clone()]));
         }
-        for (axis, axis_name) in AXES.into_iter().enumerate() {
+        for axis in 0..3 {
             let mut poses = nominal.to_vec();
             poses[i].translation_m[axis] *= -1.0;
-            let text = format!(
-                "with the other sign of {axis_name} in the translation of scanner `{name}`."
-            );
-            add(poses, "scanner.translation", text);
+            let scanner = name.clone();
+            add(poses, Mistake::TranslationSign { scanner, axis });
             let mut poses = nominal.to_vec();
             poses[i].rotation *= half_turn(axis);
-            let text = format!("with scanner `{name}` turned by 180° about its {axis_name} axis.");
-            add(poses, "scanner.rotation", text);
+            let scanner = name.clone();
+            add(poses, Mistake::HalfTurn { scanner, axis });
         }
     }
-    for (axis, name) in AXES.into_iter().enumerate().filter(|_| nominal.len() > 1) {
+    for axis in (0..3).filter(|_| nominal.len() > 1) {
         let turned = nominal.iter().map(|pose| {
             let mut pose = *pose;
             pose.rotation *= half_turn(axis);
             pose
         });
-        let text = format!("with all scanners turned by 180° about their {name} axes.");
-        add(turned.collect(), "scanner.rotation", text);
+        add(turned.collect(), Mistake::HalfTurns { axis });
     }
-    for (signs, what) in [
-        (Vec3::new(1.0, -1.0, -1.0), "y and z"),
-        (Vec3::new(1.0, 1.0, -1.0), "z"),
+    for (signs, with_y) in [
+        (Vec3::new(1.0, -1.0, -1.0), true),
+        (Vec3::new(1.0, 1.0, -1.0), false),
     ] {
         let poses = nominal.iter().map(|pose| {
             BodyFromScanner::new(pose.rotation, pose.translation_m.component_mul(&signs))
         });
-        let text = format!(
-            "with the other sign of {what} in all translations: are they given in FLU where the body is FRD, \
-             or the other way round?"
-        );
-        add(poses.collect(), "scanner.translation", text);
+        add(poses.collect(), Mistake::TranslationSigns { with_y });
     }
     let about_x = half_turn(0);
     let other_axes = |pose: &BodyFromScanner| {
         BodyFromScanner::new(about_x * pose.rotation, about_x * pose.translation_m)
     };
-    add(
-        nominal.iter().map(other_axes).collect(),
-        "scanner.axes",
-        "with mountings whose y and z are negated: they are given in FLU and the body is FRD, or the other \
-         way round."
-            .into(),
-    );
-    for (scale_s, scales) in TIME_SCALES_S {
-        for late_s in [scale_s, -scale_s] {
-            let text = format!(
-                "with {late_s:+.0} s added to the times of the scanners: {scales} differ by that. Write \
-                 time_offset_s = {late_s:.1} for each scanner."
-            );
+    add(nominal.iter().map(other_axes).collect(), Mistake::OtherAxes);
+    for scales in TimeScales::ALL {
+        for late_s in [scales.difference_s(), -scales.difference_s()] {
             all.push(Alternative {
                 poses: nominal.to_vec(),
                 late_s,
-                code: "scanner.time_offset",
-                text,
+                mistake: Mistake::ScannerTimes { scales, late_s },
             });
         }
     }

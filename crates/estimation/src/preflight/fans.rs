@@ -1,11 +1,12 @@
 //! Where scanners look: they should see neither the sky nor the robot.
 
+use serde::{Deserialize, Serialize};
+
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::Rotation;
 use crate::statistics::{median, quantile};
 use crate::surface::ProfilePoint;
-use crate::verdict::Verdict;
 
 /// A ray that rises by this share of its length looks up.
 const RISING: f64 = 0.1;
@@ -25,11 +26,30 @@ const LEAST_SHARE: f64 = 0.02;
 /// Largest number of points of a scanner that are examined.
 const MAX_POINTS: usize = 100_000;
 
-/// Verdicts on scanners that look up or see the robot.
-pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
+/// What a scanner sees that it should not.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum View {
+    /// It looks upwards.
+    Upward {
+        /// Name of the scanner.
+        scanner: String,
+        /// The share of its points that lie higher than the scanner.
+        share: f64,
+    },
+    /// It sees the robot.
+    Robot {
+        /// Name of the scanner.
+        scanner: String,
+        /// The share of its points that lie on the robot.
+        share: f64,
+    },
+}
+
+/// The scanners that look up or see the robot.
+pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<View> {
     let scanners = mountings.iter().zip(samples);
-    let verdicts = scanners.flat_map(|(mounting, sample)| {
-        let name = &mounting.name;
+    let views = scanners.flat_map(|(mounting, sample)| {
+        let scanner = || mounting.name.clone();
         let rotation = mounting.body_from_scanner.rotation;
         let rises = |point: &ProfilePoint| {
             let body = sample.profiles[point.profile as usize].world_from_body;
@@ -37,25 +57,17 @@ pub fn fans(mountings: &[Mounting], samples: &[ScannerSample]) -> Vec<Verdict> {
             ray.z > RISING * ray.norm()
         };
         let rising = share(sample, rises);
-        let upward = (rising > MOST_RISING).then(|| {
-            let text = format!(
-                "As it is mounted, scanner `{name}` looks upwards: {:.0} % of its points lie higher \
-                 than the scanner itself. Check rotation, rotation_convention and frame.body.",
-                100.0 * rising
-            );
-            Verdict::care("scanner.upward", text).with_value(rising, None)
+        let upward = (rising > MOST_RISING).then(|| View::Upward {
+            scanner: scanner(),
+            share: rising,
         });
-        let robot = share_on_robot(sample, &rotation).map(|share| {
-            let text = format!(
-                "{:.0} % of the points of scanner `{name}` have the same range all along the drive, unlike those \
-                 on the ground: it sees the robot. Leave these points out of the profiles.",
-                100.0 * share
-            );
-            Verdict::care("scanner.robot", text).with_value(share, None)
+        let robot = share_on_robot(sample, &rotation).map(|share| View::Robot {
+            scanner: scanner(),
+            share,
         });
         upward.into_iter().chain(robot)
     });
-    verdicts.collect()
+    views.collect()
 }
 
 /// At most [`MAX_POINTS`] points of a scanner, evenly chosen.
@@ -138,18 +150,31 @@ mod tests {
         sample
     }
 
-    fn codes(rotation: Vec3, on_robot: usize) -> Vec<String> {
+    fn views(rotation: Vec3, on_robot: usize) -> Vec<View> {
         let pose = BodyFromScanner::new(so3::exp(&rotation), Vec3::zeros());
-        let verdicts = fans(&[Mounting::new("left", pose)], &[sample(on_robot)]);
-        verdicts.into_iter().map(|verdict| verdict.code).collect()
+        fans(&[Mounting::new("left", pose)], &[sample(on_robot)])
     }
 
     #[test]
     fn scanners_that_look_up_or_at_the_robot_are_named() {
         let down = Vec3::new(std::f64::consts::PI, 0.0, 0.0);
-        assert!(codes(down, 0).is_empty());
-        assert_eq!(codes(Vec3::zeros(), 0), ["scanner.upward"]);
-        assert_eq!(codes(down, 3), ["scanner.robot"]);
+        let scanner = || "left".to_owned();
+        assert!(views(down, 0).is_empty());
+        let (upward, robot) = (views(Vec3::zeros(), 0), views(down, 3));
+        assert_eq!(
+            upward,
+            [View::Upward {
+                scanner: scanner(),
+                share: 1.0
+            }]
+        );
+        assert_eq!(
+            robot,
+            [View::Robot {
+                scanner: scanner(),
+                share: 3.0 / 40.0
+            }]
+        );
     }
 
     #[test]

@@ -1,21 +1,20 @@
 //! What the logs of the motion say about units, axes and signs.
 
-use super::TIME_SCALES_S;
+use super::contradiction::{
+    Contradiction, LEAST_COSINE, LateLog, Log, PositionNoise, VerticalAxis,
+};
 use super::differences::{self, VALUES};
+use super::time_scales::{SAME_LATENCY_S, TimeScales};
 use super::turns::{Turned, courses};
 use crate::error::{Error, Result};
+use crate::geometry::Vec3;
 use crate::geometry::heading::wrap;
-use crate::geometry::{BodyAxes, Vec3};
 use crate::sensor::{HeadingFix, ImuSample, PositionFix};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
-use crate::verdict::Verdict;
 
 /// A median specific force within this share of a unit's gravity is in that unit.
 const GRAVITY_SHARE: f64 = 0.15;
-/// The cosine between the mean specific force and the body's upward axis is at least this, or the axes are
-/// not those of the project.
-const LEAST_COSINE: f64 = 0.7;
 /// The mean vector of the directions of an angle is at least this long where the angle stays the same.
 const CONCENTRATED: f64 = 0.8;
 /// Headings in radians taken for degrees turn by π/180 of what the gyro measures; no scale of a sensor is a tenth.
@@ -25,14 +24,11 @@ const FASTEST_M_S: f64 = 60.0;
 /// Noise of positions beyond this many times their standard deviation means a wrong unit.
 const NOISE_FACTOR: f64 = 100.0;
 
-/// Code of the verdict on headings that turn the wrong way and cannot be used.
-pub const HEADING_SIGN: &str = "heading.sign";
-
-/// Verdicts on settings that the logs contradict.
+/// Settings that the logs contradict.
 ///
 /// # Errors
 /// Specific forces in g, angular rates in degrees, headings in radians, positions in millimetres.
-pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<Verdict>> {
+pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<Contradiction>> {
     if logs.imu.len() < 2 {
         return Ok(Vec::new());
     }
@@ -49,7 +45,7 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
             "negate the accelerations: at rest, the specific force points upwards",
         ));
     }
-    all.extend(axes(&up, settings));
+    all.extend(axes(&up, settings).map(Contradiction::Axes));
     if let Some(ratio) = by_heading {
         let is_less =
             ratio.slope.abs() < IN_RADIANS_SLOPE && ratio.gyro_rms_rad < std::f64::consts::PI;
@@ -73,14 +69,8 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
                 return Err(gyro_in_degrees(&format!("the course of `{name}` turns")));
             }
             if ratio.is_about(-1.0) {
-                all.push(Verdict::fault(
-                    format!("{name}.axes"),
-                    format!(
-                        "The course of `{name}` turns to the left where the gyro turns to the right: its \
-                         coordinates are left-handed. Are east and north exchanged, or one of them \
-                         negated?"
-                    ),
-                ));
+                let position = position.name.clone();
+                all.push(Contradiction::LeftHanded { position });
             }
         }
         if !turns_back {
@@ -93,28 +83,6 @@ pub fn logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Result<Vec<
 fn angles_of(headings: &[HeadingFix]) -> Vec<(f64, f64)> {
     let all = headings.iter();
     all.map(|fix| (fix.time_s, fix.heading_rad)).collect()
-}
-
-/// A log of the motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Log {
-    /// Rates and specific forces.
-    Imu,
-    /// One of the position logs.
-    Position(usize),
-    /// Headings.
-    Heading,
-}
-
-/// A log whose clock is seconds off.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LateLog {
-    /// The log.
-    pub log: Log,
-    /// By how much its stamps are late, seconds.
-    pub late_s: f64,
-    /// The verdict on it.
-    pub verdict: Verdict,
 }
 
 /// Logs that turn with the gyro, but seconds earlier or later than their stamps say.
@@ -137,36 +105,19 @@ pub fn late_logs(logs: &MotionLogs<'_>, settings: &TrajectorySettings) -> Vec<La
         && late.len() == streams.len()
         && (first_s - last_s).abs() < SAME_LATENCY_S
     {
-        return vec![LateLog::new(Log::Imu, "imu", -first_s)];
+        return vec![late_log(Log::Imu, "imu", -first_s)];
     }
     let late = late.into_iter();
-    late.map(|(log, name, late_s)| LateLog::new(log, name, late_s))
+    late.map(|(log, name, late_s)| late_log(log, name, late_s))
         .collect()
 }
 
-/// Latencies that differ by less are the same, seconds.
-const SAME_LATENCY_S: f64 = 0.5;
-
-impl LateLog {
-    fn new(log: Log, name: &str, late_s: f64) -> Self {
-        let near = |(seconds, _): &&(f64, &str)| (late_s.abs() - seconds).abs() < SAME_LATENCY_S;
-        let scales = TIME_SCALES_S.iter().find(near);
-        let why = scales.map_or(String::new(), |(seconds, scales)| {
-            format!(" ({scales} differ by {seconds} s)")
-        });
-        let text = format!(
-            "Judging by its turns, `{name}` is {:.1} s {} than the other logs{why}: a run corrects it. Add {:+.1} to \
-             [{name}] time_offset_s.",
-            late_s.abs(),
-            if late_s > 0.0 { "later" } else { "earlier" },
-            -late_s
-        );
-        let verdict = Verdict::care(format!("{name}.time_offset"), text);
-        Self {
-            log,
-            late_s,
-            verdict: verdict.with_value(-late_s, None),
-        }
+fn late_log(log: Log, name: &str, late_s: f64) -> LateLog {
+    LateLog {
+        log,
+        name: name.to_owned(),
+        late_s,
+        scales: TimeScales::that_differ_by(late_s),
     }
 }
 
@@ -176,13 +127,9 @@ pub const STATED_FACTOR: f64 = 4.0;
 /// Fixes over a longer time are not neighbours: their motion would count as noise, seconds.
 const NEIGHBOURS_S: f64 = 1.2;
 
-/// The factors on the standard deviations of a position log, east, north, up, that the noise of neighbouring
-/// fixes without a covariance asks for, where one of them is much larger than stated. The noise is that of fourth
+/// The noise of neighbouring fixes without a covariance, where it is much larger than stated on an axis. The noise is that of fourth
 /// differences, which remove a smooth motion.
-pub fn position_noise(
-    fixes: &[PositionFix],
-    position: &PositionSettings,
-) -> Option<(Vec3, Verdict)> {
+pub fn position_noise(fixes: &[PositionFix], position: &PositionSettings) -> Option<PositionNoise> {
     let is_unstated = |fix: &PositionFix| fix.covariance_m2.is_none();
     let unstated = fixes.iter().filter(|fix| is_unstated(fix)).count();
     let windows = fixes.windows(VALUES);
@@ -199,15 +146,11 @@ pub fn position_noise(
     if factors.max() < STATED_FACTOR {
         return None;
     }
-    let name = &position.name;
-    let [east, north, up] = factors.component_mul(&position.sigma_m).into();
-    let text = format!(
-        "Neighbouring fixes of `{name}` scatter up to {:.0} times as much as its standard deviations say: a \
-         run raises them. Write sigma_m = [{east:.4}, {north:.4}, {up:.4}].",
-        factors.max()
-    );
-    let verdict = Verdict::care(format!("{name}.noise"), text);
-    Some((factors, verdict.with_value(factors.max(), None)))
+    Some(PositionNoise {
+        position: position.name.clone(),
+        factors,
+        sigma_m: factors.component_mul(&position.sigma_m),
+    })
 }
 
 /// The scatter of [`VALUES`] fixes, see [`differences`]; `None` where they are not neighbours.
@@ -252,38 +195,17 @@ fn gyro_in_degrees(what: &str) -> Error {
     )
 }
 
-/// The verdict on axes of the body whose upward axis the specific force contradicts.
-fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<Verdict> {
+/// The vertical axis, where the specific force contradicts the project's.
+fn axes(up: &Vec3, settings: &TrajectorySettings) -> Option<VerticalAxis> {
     let cosine = up.dot(&settings.axes.up());
     if cosine > LEAST_COSINE {
         return None;
     }
-    let (given, other, points) = match settings.axes {
-        BodyAxes::Frd => ("FRD", "FLU", "up"),
-        BodyAxes::Flu => ("FLU", "FRD", "down"),
-    };
-    let is_opposite = cosine < -LEAST_COSINE;
-    let text = if is_opposite {
-        format!(
-            "According to gravity, the z axis of the IMU points {points}, but frame.body is \"{given}\": write \
-             body = \"{other}\"."
-        )
-    } else {
-        let axis = up.iamax();
-        format!(
-            "According to gravity, the {} axis of the IMU is vertical, but with frame.body = \"{given}\" it is z: \
-             are the columns of the IMU exchanged, or is it mounted on its side? Rotate its log into body \
-             axes.",
-            ["x", "y", "z"][axis]
-        )
-    };
-    // Only the start values of the trajectory depend on the project's axes.
-    let verdict = if is_opposite {
-        Verdict::care("frame.body", text)
-    } else {
-        Verdict::fault("frame.body", text)
-    };
-    Some(verdict.with_value(cosine, None))
+    Some(VerticalAxis {
+        given: settings.axes,
+        axis: up.iamax(),
+        cosine,
+    })
 }
 
 /// Whether the headings, read as degrees, all lie within 2π and vary.
@@ -295,46 +217,31 @@ fn is_in_radians(headings: &[HeadingFix]) -> bool {
     most - least > 0.5 && least > -0.51 * turn && most < 1.01 * turn && most - least < 1.01 * turn
 }
 
-/// The verdict on headings that turn against the gyro.
-fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Verdict {
+/// Headings that turn against the gyro.
+fn opposite_heading(headings: &[(f64, f64)], courses: &[(f64, f64)]) -> Contradiction {
     // Counted from east, counter-clockwise: heading = 90° − course.
     let sums = pairs(headings, courses).map(|(heading, course)| heading + course);
-    let from_east = direction(sums).is_some_and(|(mean, length)| {
+    let are_from_east = direction(sums).is_some_and(|(mean, length)| {
         length > CONCENTRATED && wrap(mean - std::f64::consts::FRAC_PI_2).abs() < 0.5
     });
-    let likely = if from_east {
-        "they count counter-clockwise from east: write 90 − heading"
-    } else {
-        "they count counter-clockwise: negate them"
-    };
-    Verdict::care(
-        HEADING_SIGN,
-        format!(
-            "The headings turn to the left where the gyro turns to the right: {likely}. A run leaves \
-             them out."
-        ),
-    )
+    Contradiction::OppositeHeadings { are_from_east }
 }
 
 /// Between ahead and aside, degrees: antennas are mounted along the body or across, and on slopes bodies drift by less.
 const ASIDE_DEG: f64 = 45.0;
 
-/// The verdict on a body that does not drive where its headings point.
+/// A body that does not drive where its headings point.
 fn driven_direction(
     headings: &[(f64, f64)],
     courses: &[(f64, f64)],
     name: &str,
-) -> Option<Verdict> {
+) -> Option<Contradiction> {
     let differences = pairs(headings, courses).map(|(heading, course)| heading - course);
-    let (mean, length) = direction(differences)?;
-    let off_deg = mean.to_degrees();
-    (length > CONCENTRATED && off_deg.abs() > ASIDE_DEG).then(|| {
-        let text = format!(
-            "According to its headings, the body drives {off_deg:.0}° off the direction in which it points \
-             (course of `{name}`): are the antennas exchanged or across, or does it drive backwards?"
-        );
-        let text = text.replace('-', "−");
-        Verdict::care("heading.direction", text).with_value(mean, None)
+    let (off_rad, length) = direction(differences)?;
+    let is_off = length > CONCENTRATED && off_rad.to_degrees().abs() > ASIDE_DEG;
+    is_off.then(|| Contradiction::DrivenDirection {
+        position: name.to_owned(),
+        off_rad,
     })
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Only the records of a moving body are examined, because there a value with noise differs from the one before.
 
-use super::Log;
+use super::contradiction::{Contradiction, HeldAxis, ImuSensor, Log, RoundedPositions};
 use super::differences::{VALUES, weights};
 use super::logs::STATED_FACTOR;
 use super::turns::stretches;
@@ -10,7 +10,6 @@ use crate::geometry::Vec3;
 use crate::sensor::{ImuSample, PositionFix, Timed};
 use crate::statistics::{SIGMAS_PER_MAD, median};
 use crate::trajectory::{MotionLogs, PositionSettings, TrajectorySettings};
-use crate::verdict::Verdict;
 
 /// An axis is held if it stays at one value for this share of the samples of the moving body.
 const HELD_SHARE: f64 = 0.5;
@@ -27,22 +26,24 @@ const SCATTERING_CHANGE: f64 = 0.56;
 /// Single precision has steps of 2⁻²³ of a power of two.
 const SINGLE_PRECISION: f64 = (1 << 23) as f64;
 
-/// Verdicts on values that cannot be measurements; `file` names the file of a log.
+/// Values that cannot be measurements; `file` names the file of a log.
 pub fn unmeasured(
     logs: &MotionLogs<'_>,
     settings: &TrajectorySettings,
     file: &dyn Fn(Log) -> String,
-) -> Vec<Verdict> {
-    let mut all = held_axes(logs, settings, &file(Log::Imu));
+) -> Vec<Contradiction> {
+    let held = held_axes(logs, settings, &file(Log::Imu)).into_iter();
+    let mut all: Vec<Contradiction> = held.map(Contradiction::Held).collect();
     for (i, (fixes, position)) in logs.positions.iter().zip(&settings.positions).enumerate() {
-        all.extend(rounded(fixes, position, &file(Log::Position(i))));
+        let rounded = rounded(fixes, position, &file(Log::Position(i)));
+        all.extend(rounded.map(Contradiction::Rounded));
     }
     all
 }
 
 /// Axes of the IMU that stay at one value while another axis of the same sensor, which has the same noise and is
 /// written in the same steps, shows more noise than half a step.
-fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -> Vec<Verdict> {
+fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -> Vec<HeldAxis> {
     let imu = while_moving(logs.imu, &logs.positions[0]);
     let times_s: Vec<f64> = imu.iter().map(Timed::time_s).collect();
     let interval_s = median(times_s.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
@@ -52,14 +53,12 @@ fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -
     let values = |part: fn(&ImuSample) -> Vec3| imu.iter().map(part).collect::<Vec<Vec3>>();
     let sensors = [
         Sensor {
-            name: "gyro",
-            unit: "rad/s",
+            sensor: ImuSensor::Gyro,
             axes: axes(&values(|sample| sample.gyro_rad_s)),
             sigma: settings.imu.gyro_density / interval_s.sqrt(),
         },
         Sensor {
-            name: "accel",
-            unit: "m/s²",
+            sensor: ImuSensor::Accel,
             axes: axes(&values(|sample| sample.accel_m_s2)),
             sigma: settings.imu.accel_density / interval_s.sqrt(),
         },
@@ -72,48 +71,50 @@ fn held_axes(logs: &MotionLogs<'_>, settings: &TrajectorySettings, file: &str) -
 
 /// The three axes of a sensor of the IMU, while the body moves.
 struct Sensor {
-    name: &'static str,
-    unit: &'static str,
+    sensor: ImuSensor,
     axes: [Vec<f64>; 3],
     /// Standard deviation of a sample, as the project gives it.
     sigma: f64,
 }
 
 impl Sensor {
-    fn held(&self, times_s: &[f64], file: &str) -> Vec<Verdict> {
-        let Self { name, unit, .. } = self;
-        let axes = || self.axes.iter().zip(["x", "y", "z"]);
-        let runs = axes().map(|(values, axis)| (longest_run(values), axis));
+    fn held(&self, times_s: &[f64], file: &str) -> Vec<HeldAxis> {
+        let runs = self.axes.iter().map(|values| longest_run(values));
         let least = HELD_SHARE * times_s.len() as f64;
-        let held: Vec<(&[f64], &str)> = runs.filter(|(run, _)| run.len() as f64 > least).collect();
+        let held = runs.enumerate().filter(|(_, run)| run.len() as f64 > least);
+        let held: Vec<(usize, &[f64])> = held.collect();
         if held.is_empty() {
             return Vec::new();
         }
         // A simulation without noise may well have an axis that does not move.
-        let noisy = axes().find_map(|(values, axis)| {
+        let noisy = self.axes.iter().enumerate().find_map(|(axis, values)| {
             let noise = scatter(times_s, values);
             let least = NOISE_PER_STEP * step(values)?;
-            (noise > least && noise > self.sigma / STATED_FACTOR).then_some((noise, axis))
+            (noise > least && noise > self.sigma / STATED_FACTOR).then_some((axis, noise))
         });
-        let Some((noise, noisy)) = noisy else {
+        let Some((noisy_axis, noise)) = noisy else {
             return Vec::new();
         };
-        let held = held.into_iter().map(|(run, axis)| {
-            let text = format!(
-                "{file}: {name}_{axis} stays at {} {unit} for {} of the {} samples during motion, while {name}_{noisy} \
-                 scatters by {noise:.1e} {unit}: it was not measured. Record all three axes.",
-                run[0],
-                run.len(),
-                times_s.len()
-            );
-            Verdict::fault("imu.held", text).with_value(run[0], None)
+        let held = held.into_iter().map(|(axis, run)| HeldAxis {
+            file: file.to_owned(),
+            sensor: self.sensor,
+            axis,
+            value: run[0],
+            held: run.len(),
+            samples: times_s.len(),
+            noisy_axis,
+            noise,
         });
         held.collect()
     }
 }
 
 /// Coordinates in steps that are many times their standard deviation, and that the body takes several fixes to cross.
-fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Option<Verdict> {
+fn rounded(
+    fixes: &[PositionFix],
+    position: &PositionSettings,
+    file: &str,
+) -> Option<RoundedPositions> {
     let fixes = while_moving(fixes, fixes);
     if fixes.len() < LEAST_VALUES {
         return None;
@@ -134,20 +135,14 @@ fn rounded(fixes: &[PositionFix], position: &PositionSettings, file: &str) -> Op
     let (step_m, axis) = coarse.max_by(|a, b| a.0.total_cmp(&b.0))?;
     let exponent = step_m.log2();
     let is_single = (exponent - exponent.round()).abs() < ON_STEP;
-    let likely = if is_single {
-        let from_m = step_m * SINGLE_PRECISION;
-        format!(", as in single precision (32 bits) from {from_m:.0} m on")
-    } else {
-        String::new()
-    };
-    let name = &position.name;
-    let text = format!(
-        "{file}: {} of `{name}` is written in steps of {step_m:.4} m{likely}, but the stated standard deviation is \
-         {:.4} m: what lies between the steps is lost. Write the log anew with all digits.",
-        ["east", "north", "up"][axis],
-        sigma_m(axis)
-    );
-    Some(Verdict::fault(format!("{name}.rounded"), text).with_value(step_m, None))
+    Some(RoundedPositions {
+        file: file.to_owned(),
+        position: position.name.clone(),
+        axis,
+        step_m,
+        sigma_m: sigma_m(axis),
+        single_from_m: is_single.then_some(step_m * SINGLE_PRECISION),
+    })
 }
 
 /// The step to which values were rounded, where they change too little from one to the next for the rounding errors
@@ -280,16 +275,31 @@ mod tests {
             }
         }
 
-        /// Codes and texts of the verdicts.
-        fn verdicts(&self) -> Vec<(String, String)> {
+        fn unmeasured(&self) -> Vec<Contradiction> {
             let logs = MotionLogs {
                 imu: &self.imu,
                 positions: &self.positions,
                 heading: &[],
             };
-            let file = |log: Log| format!("{log:?}.csv");
-            let all = unmeasured(&logs, &self.settings, &file).into_iter();
-            all.map(|verdict| (verdict.code, verdict.text)).collect()
+            unmeasured(&logs, &self.settings, &|log| format!("{log:?}.csv"))
+        }
+
+        /// The only finding, which is an axis that is held.
+        fn held(&self) -> HeldAxis {
+            let found = self.unmeasured();
+            let [Contradiction::Held(held)] = found.as_slice() else {
+                panic!("{found:?}")
+            };
+            held.clone()
+        }
+
+        /// The only finding, which is a coordinate that was rounded.
+        fn rounded(&self) -> RoundedPositions {
+            let found = self.unmeasured();
+            let [Contradiction::Rounded(rounded)] = found.as_slice() else {
+                panic!("{found:?}")
+            };
+            rounded.clone()
         }
 
         fn with_imu(mut self, change: impl Fn(usize, &mut ImuSample)) -> Self {
@@ -315,20 +325,15 @@ mod tests {
     #[test]
     fn an_axis_that_is_held_during_motion_is_named_with_its_value() {
         for axis in 0..3 {
-            let name = ["x", "y", "z"][axis];
             let gyro = Drive::new(10.0, 1.0).with_imu(|_, sample| sample.gyro_rad_s[axis] = 0.0);
             let accel = Drive::new(10.0, 1.0).with_imu(|_, sample| sample.accel_m_s2[axis] = 0.25);
-            for (drive, value) in [
-                (gyro, format!("gyro_{name} stays at 0 rad/s")),
-                (accel, format!("accel_{name} stays at 0.25 m/s²")),
+            for (drive, sensor, value) in [
+                (gyro, ImuSensor::Gyro, 0.0),
+                (accel, ImuSensor::Accel, 0.25),
             ] {
-                let verdicts = drive.verdicts();
-                assert_eq!(verdicts.len(), 1, "{verdicts:?}");
-                assert_eq!(verdicts[0].0, "imu.held");
-                assert!(
-                    verdicts[0].1.starts_with(&format!("Imu.csv: {value}")),
-                    "{verdicts:?}"
-                );
+                let held = drive.held();
+                assert_eq!(held.file, "Imu.csv");
+                assert_eq!((held.sensor, held.axis, held.value), (sensor, axis, value));
             }
         }
         // An axis that sticks from some time on.
@@ -338,7 +343,7 @@ mod tests {
                 sample.gyro_rad_s.y = 0.0125;
             }
         });
-        assert_eq!(stuck.verdicts().len(), 1);
+        assert_eq!(stuck.held().value, 0.0125);
     }
 
     #[test]
@@ -357,31 +362,28 @@ mod tests {
         });
         let planar = Drive::new(0.0, 0.0);
         for drive in [Drive::new(0.0, 1.0), resting, idling, planar] {
-            assert_eq!(drive.verdicts(), []);
+            assert_eq!(drive.unmeasured(), []);
         }
     }
 
     #[test]
     fn coordinates_in_single_precision_are_named_where_their_steps_are_long() {
         let single = |value: f64| f64::from(value as f32);
-        for (origin_m, step) in [(5_000_000.0, "0.5000"), (3_500_000.0, "0.2500")] {
-            let verdicts = Drive::new(10.0, 1.0)
+        for (origin_m, step_m) in [(5_000_000.0, 0.5), (3_500_000.0, 0.25)] {
+            let rounded = Drive::new(10.0, 1.0)
                 .with_positions(origin_m, single)
-                .verdicts();
-            assert_eq!(verdicts.len(), 1, "{origin_m}: {verdicts:?}");
-            assert_eq!(verdicts[0].0, "prism.rounded");
-            for part in [
-                "Position(0).csv: ",
-                &format!("in steps of {step} m, as in single precision"),
-            ] {
-                assert!(verdicts[0].1.contains(part), "{verdicts:?}");
-            }
+                .rounded();
+            assert_eq!(
+                (rounded.file.as_str(), rounded.position.as_str()),
+                ("Position(0).csv", "prism")
+            );
+            assert!((rounded.step_m - step_m).abs() < 1e-6, "{rounded:?}");
+            assert!(rounded.single_from_m.is_some(), "{rounded:?}");
         }
-        let verdicts = Drive::new(10.0, 1.0)
+        let rounded = Drive::new(10.0, 1.0)
             .with_positions(0.0, in_steps(0.1))
-            .verdicts();
-        assert_eq!(verdicts.len(), 1);
-        assert!(!verdicts[0].1.contains("single"), "{verdicts:?}");
+            .rounded();
+        assert_eq!(rounded.single_from_m, None);
     }
 
     #[test]
@@ -395,7 +397,7 @@ mod tests {
         gnss.settings.positions[0].sigma_m = Vec3::repeat(0.1);
         let planar = Drive::new(0.0, 0.0).with_positions(0.0, in_steps(0.001));
         for drive in [local, millimetres, centimetres, gnss, planar] {
-            assert_eq!(drive.verdicts(), []);
+            assert_eq!(drive.unmeasured(), []);
         }
     }
 }

@@ -1,23 +1,24 @@
 //! Mistakes that the raw logs and the first placement of the scans show, before anything is adjusted.
 //!
-//! Impossible units are errors; everything else becomes a [`Verdict`](crate::verdict::Verdict).
+//! Impossible units are errors; everything else is a finding with its numbers.
 
 mod alternatives;
+mod contradiction;
 mod differences;
 mod fans;
 mod logs;
 mod measured;
 mod scans;
+mod time_scales;
 mod turns;
 
-/// Differences of time scales, seconds.
-const TIME_SCALES_S: [(f64, &str); 3] = [
-    (18.0, "GPS and UTC"),
-    (19.0, "TAI and GPS"),
-    (37.0, "TAI and UTC"),
-];
-
-pub use fans::fans;
-pub use logs::{HEADING_SIGN, LateLog, Log, late_logs, logs, position_noise};
+pub use alternatives::Mistake;
+pub use contradiction::{
+    Contradiction, HeldAxis, ImuSensor, LateLog, Log, LogFindings, PositionNoise, RoundedPositions,
+    VerticalAxis,
+};
+pub use fans::{View, fans};
+pub use logs::{late_logs, logs, position_noise};
 pub use measured::unmeasured;
-pub use scans::{Placed, Placement, scans};
+pub use scans::{Misfit, Misplaced, Placed, Placement, scans};
+pub use time_scales::TimeScales;

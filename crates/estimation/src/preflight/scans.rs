@@ -1,13 +1,14 @@
 //! Whether the scans, placed with the mountings of the project, form a surface at all, and which usual
 //! mistake explains it if they do not.
 
-use super::alternatives::{Alternative, alternatives};
+use serde::{Deserialize, Serialize};
+
+use super::alternatives::{Alternative, Mistake, alternatives};
 use crate::calibration::{Mounting, ScannerSample};
 use crate::cloud::voxel::{VoxelKey, VoxelMap, voxel_key};
 use crate::geometry::{BodyFromScanner, Vec3};
 use crate::statistics::{median, quantile};
 use crate::trajectory::Trajectory;
-use crate::verdict::Verdict;
 
 /// Edge of the columns in which heights are compared, metres.
 const COLUMN_M: f64 = 0.25;
@@ -41,7 +42,7 @@ pub struct Placement<'a> {
 }
 
 /// How far clouds lie apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Misfit {
     /// Three quarters of what is seen twice lies closer together, metres.
     pub apart_m: f64,
@@ -49,21 +50,51 @@ pub struct Misfit {
     pub columns: usize,
 }
 
+/// Why clouds lie farther apart than rough mountings place them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Misplaced {
+    /// A usual mistake explains it.
+    Mistake {
+        /// The mistake.
+        mistake: Mistake,
+        /// How far they lie apart without it.
+        left: Misfit,
+    },
+    /// They are near each other, but not the reference.
+    OffReference {
+        /// How far they lie from each other, metres.
+        among_m: f64,
+    },
+    /// Something else.
+    Unexplained,
+}
+
 /// How well the scans fit together with the mountings of the project.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Placed {
     /// With the mountings as they are; `None` where too little is seen twice.
     pub misfit: Option<Misfit>,
-    /// Without the mistake that explains it, if one does.
-    pub explained: Option<Misfit>,
     /// What is wrong, if they lie farther apart than a rough mounting explains.
-    pub verdict: Option<Verdict>,
+    pub misplaced: Option<Misplaced>,
 }
 
 impl Placed {
     /// How far apart the clouds lie, metres.
     pub fn apart_m(&self) -> Option<f64> {
         self.misfit.map(|misfit| misfit.apart_m)
+    }
+
+    /// Without the mistake that explains how far they lie apart, if one does.
+    pub fn explained(&self) -> Option<Misfit> {
+        match self.misplaced {
+            Some(Misplaced::Mistake { left, .. }) => Some(left),
+            _ => None,
+        }
+    }
+
+    /// Whether a usual mistake explains how far they lie apart.
+    pub fn is_mistaken(&self) -> bool {
+        self.explained().is_some()
     }
 
     /// Whether the clouds lie no farther apart than in another placement, or share far more columns.
@@ -78,7 +109,7 @@ impl Placed {
 
     /// Whether a usual mistake leaves about as little as other mountings do.
     pub fn is_explained_as_well_as(&self, other: &Self) -> bool {
-        let pair = self.explained.zip(other.misfit);
+        let pair = self.explained().zip(other.misfit);
         pair.is_some_and(|(explained, other)| {
             explained.apart_m < AS_GOOD * other.apart_m && 4 * explained.columns > 3 * other.columns
         })
@@ -118,68 +149,39 @@ pub fn scans(placement: &Placement<'_>) -> Placed {
             let clouds = all(&alternative.poses, alternative.late_s);
             let left = misfit(&clouds, &reference)?;
             // An alternative that moves clouds out of each other's way explains nothing.
-            let Alternative { code, text, .. } = alternative;
-            (left.columns >= nominal_misfit.columns / 2).then_some((left, code, text))
+            let Alternative { mistake, .. } = alternative;
+            (left.columns >= nominal_misfit.columns / 2).then_some((left, mistake))
         });
     let best = left
         .chain(higher_reference(&nominal_clouds, &reference).filter(|_| nominal.len() > 1))
         .min_by(|a, b| a.0.apart_m.total_cmp(&b.0.apart_m));
-    let apart = format!("Placed with the project's mountings the clouds lie {apart_m:.2} m apart");
     let explains = |left: &Misfit| left.apart_m < ROUGH_M.min(LEFT_SHARE * apart_m);
-    let best = best.filter(|(left, ..)| explains(left));
-    let explained = best.as_ref().map(|(left, ..)| *left);
+    let best = best.filter(|(left, _)| explains(left));
     let among = || misfit(&nominal_clouds, &Columns::default()).filter(|left| explains(left));
     let among = match (&best, reference.is_empty()) {
         (None, false) => among(),
         _ => None,
     };
-    let verdict = match (best, among) {
-        (Some((left, code, text)), _) => {
-            let left_m = left.apart_m;
-            let text = format!("{apart}. Only {left_m:.2} m remain {text}");
-            Verdict::fault(code, text).with_value(left_m, None)
-        }
-        (None, Some(among)) => {
-            let among_m = among.apart_m;
-            let text = format!(
-                "{apart} from the reference, but only {among_m:.2} m from each other: is the reference in the \
-                 coordinates of the total station, and are the clocks of scanners and trajectory the same?"
-            );
-            Verdict::care("reference.placement", text).with_value(apart_m, None)
-        }
-        (None, None) => {
-            let text = format!(
-                "{apart}: if the result is wrong, check translation, rotation and rotation_convention of the \
-                 scanners, their files, their clocks, and where the reference lies."
-            );
-            Verdict::note("placement.misfit", text).with_value(apart_m, None)
-        }
+    let misplaced = match (best, among) {
+        (Some((left, mistake)), _) => Misplaced::Mistake { mistake, left },
+        (None, Some(Misfit { apart_m, .. })) => Misplaced::OffReference { among_m: apart_m },
+        (None, None) => Misplaced::Unexplained,
     };
     Placed {
         misfit: Some(nominal_misfit),
-        explained,
-        verdict: Some(verdict),
+        misplaced: Some(misplaced),
     }
 }
 
 /// The misfit with the reference raised or lowered by the median difference in height.
-fn higher_reference(
-    scanners: &[Vec<Columns>],
-    reference: &Columns,
-) -> Option<(Misfit, &'static str, String)> {
+fn higher_reference(scanners: &[Vec<Columns>], reference: &Columns) -> Option<(Misfit, Mistake)> {
     let common = scanners.iter().flatten().flatten();
     let above_m = median(common.filter_map(|(key, height)| Some(height - reference.get(key)?)))?;
     let raised = reference
         .iter()
         .map(|(key, height)| (*key, height + above_m));
     let left = misfit(scanners, &raised.collect())?;
-    let text = format!(
-        "with the reference {:.2} m {}: check the heights of the total station, the prism and its lever arm, \
-         of the reference, and z of the scanners.",
-        above_m.abs(),
-        if above_m > 0.0 { "higher" } else { "lower" }
-    );
-    Some((left, "reference.height", text))
+    Some((left, Mistake::ReferenceHeight { above_m }))
 }
 
 /// The points of a scanner in the world, seen `late_s` later than their stamps, in one cloud for each block of

@@ -4,6 +4,8 @@
 //! between which residuals change most, the offset of all later records of the sensor is an unknown. One factorisation
 //! gives the estimate of each alone; the most significant is estimated with the trajectory, and the search begins again.
 
+use serde::{Deserialize, Serialize};
+
 use super::estimate::Estimate;
 use super::graph::Graph;
 use super::logs::MotionLogs;
@@ -37,7 +39,7 @@ const LEAST_STEP_M: f64 = 0.01;
 const LASTING_SIGMAS: f64 = 5.6;
 
 /// From one record on, the positions of a sensor are off.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PositionStep {
     /// Name of the sensor.
     pub sensor: String,

@@ -78,7 +78,8 @@ pub use read::{
     read_projected_trajectory, read_trajectory, unit_m,
 };
 pub use recorded::{
-    Pieces, RecordingClock, SensorClock, StationRow, recording_clock, sensor_clock, station_rows,
+    Pieces, RecordingClock, RecordingClocks, SensorClock, StationRow, recording_clock,
+    sensor_clock, station_rows,
 };
 pub use salvage::{Salvaged, salvage};
 pub use text::civil::{civil_time, day_number, utc};

@@ -21,10 +21,10 @@ pub use agreement::verdicts as agreement;
 pub use constancy::verdict as constancy;
 pub use drift::verdicts as drift;
 pub use ended::{early as ended_early, would as would_end};
-pub use logs::consistent as consistent_logs;
+pub use logs::{contradiction, raw as raw_logs};
 pub use method::verdicts as method;
 pub use placement::{
-    far_starts, first as first_placement, newer_calibration, placed, unusable_calibration,
+    first as first_placement, looked_at, newer_calibration, placed, unusable_calibration,
 };
 pub use precision::{observability, relative, unobservable};
 pub use recording::verdicts as recording;
@@ -47,11 +47,11 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
     let mut verdicts = Vec::new();
     let calibration_drive = results.drives.first();
     if let Some(drive) = calibration_drive {
-        verdicts.extend(drive.preflight.iter().cloned());
+        verdicts.extend(logs::before_constants(&drive.log_findings));
     }
-    verdicts.extend_from_slice(results.placement);
+    verdicts.extend(results.placement.into_iter().flat_map(first_placement));
     if let Some(drive) = calibration_drive {
-        verdicts.extend(drive.doubts.iter().map(doubt));
+        verdicts.extend(drive.log_findings.doubts.iter().map(doubt));
     }
     if let Some(calibrations) = results.calibrations {
         let logs_have_a_fault = verdicts.iter().any(|v| v.severity == Severity::Fault);
@@ -62,7 +62,7 @@ pub fn judge(results: &Results, acceptance: &Acceptance) -> Vec<Verdict> {
         verdicts.extend(on_calibration);
     }
     for drive in results.drives.iter().skip(1) {
-        verdicts.extend(logs::on_other(&drive.name, &drive.preflight, &drive.doubts));
+        verdicts.extend(logs::on_other(&drive.name, &drive.log_findings));
     }
     verdicts.extend(trajectories(results));
     let mut distinct = once_each(verdicts);
@@ -151,8 +151,7 @@ fn calibration(
     if let Some(joint) = joint {
         verdicts.extend(joint.late.iter().map(scanners::late));
         for logs in &joint.contradicted {
-            let (preflight, doubts) = (&logs.preflight, &logs.doubts);
-            verdicts.extend(logs::on_other(&logs.drive, preflight, doubts));
+            verdicts.extend(logs::on_other(&logs.drive, &logs.findings));
         }
         verdicts.extend(joint.fits_alone.then(reference::misplaced));
     }

@@ -1,6 +1,6 @@
 //! Verdicts on the clocks and gaps of a recording.
 
-use crate::format::{RecordingClock, SensorClock};
+use crate::format::{RecordingClock, RecordingClocks, SensorClock};
 use crate::verdict::Verdict;
 
 /// Longest gap of the IMU for which poses are still supported, seconds.
@@ -14,7 +14,8 @@ const NOTABLE_DRIFT_S: f64 = 1e-3;
 const NOTABLE_END_S: f64 = 1.0;
 
 /// The verdicts on a recording: on its system clock, and on the named sensors that have clocks or times of arrival.
-pub fn verdicts(system: &RecordingClock, sensors: &[(&str, SensorClock)]) -> Vec<Verdict> {
+pub fn verdicts(clocks: &RecordingClocks) -> Vec<Verdict> {
+    let RecordingClocks { system, sensors } = clocks;
     let arrivals = sensors.iter().map(|(_, clock)| clock.last_arrival_s);
     let until_s = arrivals.fold(f64::NEG_INFINITY, f64::max);
     let sensors = sensors.iter();

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::format::file::nothing_in;
 use crate::format::input::Input;
@@ -15,7 +17,7 @@ const UNCHECKED_S: f64 = 10.0;
 const UNCHECKED_INTERVALS: f64 = 3.0;
 
 /// State of the system clock during a recording.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingClock {
     /// UTC when the monotonic clock was zero, from the first check, seconds since 1970.
     pub begin_s: f64,

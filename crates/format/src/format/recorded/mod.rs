@@ -14,6 +14,8 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::detect::detect;
 use super::file::{CLOCK_LOG, is_in_recording};
 use super::input::Input;
@@ -36,8 +38,17 @@ const GAP_INTERVALS: f64 = 10.0;
 const GAP_S: f64 = 1.0;
 const DAY_S: f64 = 86_400.0;
 
+/// The clocks of a recording: that of its computer, and those of its sensors with their names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingClocks {
+    /// The clock of the computer.
+    pub system: RecordingClock,
+    /// The sensors that have clocks or times of arrival.
+    pub sensors: Vec<(String, SensorClock)>,
+}
+
 /// The relation of the times of a recorded sensor to the common time of its recording.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SensorClock {
     /// Whether the times in the log are used without the arrival times, because they and the common time are UTC, or
     /// because the recorder put the common time in the log.

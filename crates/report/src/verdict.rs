@@ -1,4 +1,5 @@
-//! Verdicts: statements about results, each with a severity and a stable code.
+//! Verdicts: statements about results, each with a severity and a stable code. Only
+//! [`judgement`](crate::judgement) makes them.
 
 use serde::{Deserialize, Serialize};
 
@@ -44,7 +45,11 @@ pub struct Verdict {
 
 impl Verdict {
     /// A statement without a number.
-    pub fn new(severity: Severity, code: impl Into<String>, text: impl Into<String>) -> Self {
+    pub(crate) fn new(
+        severity: Severity,
+        code: impl Into<String>,
+        text: impl Into<String>,
+    ) -> Self {
         Self {
             severity,
             code: code.into(),
@@ -56,39 +61,39 @@ impl Verdict {
     }
 
     /// A statement of severity [`Severity::Good`].
-    pub fn good(code: impl Into<String>, text: impl Into<String>) -> Self {
+    pub(crate) fn good(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Good, code, text)
     }
 
     /// A statement of severity [`Severity::Note`].
-    pub fn note(code: impl Into<String>, text: impl Into<String>) -> Self {
+    pub(crate) fn note(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Note, code, text)
     }
 
     /// A statement of severity [`Severity::Care`].
-    pub fn care(code: impl Into<String>, text: impl Into<String>) -> Self {
+    pub(crate) fn care(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Care, code, text)
     }
 
     /// A statement of severity [`Severity::Fault`].
-    pub fn fault(code: impl Into<String>, text: impl Into<String>) -> Self {
+    pub(crate) fn fault(code: impl Into<String>, text: impl Into<String>) -> Self {
         Self::new(Severity::Fault, code, text)
     }
 
     /// The same statement about another drive, whose name begins the text.
-    pub fn on(mut self, drive: &str) -> Self {
+    pub(crate) fn on(mut self, drive: &str) -> Self {
         self.text = format!("{drive}: {}", self.text);
         self.about(drive)
     }
 
     /// The same statement, marked as one about a drive or run other than the main one.
-    pub fn about(mut self, run: &str) -> Self {
+    pub(crate) fn about(mut self, run: &str) -> Self {
         self.about = Some(run.to_owned());
         self
     }
 
     /// The same statement with the number on which it rests.
-    pub fn with_value(mut self, value: f64, sigma: Option<f64>) -> Self {
+    pub(crate) fn with_value(mut self, value: f64, sigma: Option<f64>) -> Self {
         (self.value, self.sigma) = (Some(value), sigma);
         self
     }
