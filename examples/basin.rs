@@ -12,8 +12,9 @@ use std::path::Path;
 use boresight::Result;
 use boresight::calibration::{Calibration, ScannerSample};
 use boresight::geometry::{BodyFromScanner, Vec3, so3};
+use boresight::judgement;
 use boresight::pipeline::stages::{self, EstimatedPoses};
-use boresight::pipeline::{Rig, start};
+use boresight::pipeline::{OpenProject, Rig, start};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use nalgebra::DVector;
@@ -36,7 +37,7 @@ const SAME: (f64, f64) = (0.005, 0.1);
 /// A drive that is ready to be calibrated.
 struct Drive {
     name: &'static str,
-    project: Project,
+    project: OpenProject,
     rig: Rig,
     poses: EstimatedPoses,
     samples: Vec<ScannerSample>,
@@ -45,6 +46,7 @@ struct Drive {
 
 impl Drive {
     fn read(name: &'static str, project: Project) -> Result<Self> {
+        let project = OpenProject::new(&project);
         let poses = stages::poses(&project, &Silent)?;
         let rig = Rig::new(&project);
         Ok(Self {
@@ -71,8 +73,10 @@ impl Drive {
             &self.reference,
             &Silent,
         )?;
-        let marked = start.verdicts.iter().filter(|v| v.severity.is_marked());
-        let mut said: Vec<String> = marked.map(|v| v.code.clone()).collect();
+        let marked = judgement::first_placement(&start.first)
+            .into_iter()
+            .filter(|v| v.severity.is_marked());
+        let mut said: Vec<String> = marked.map(|v| v.code).collect();
         let other = found
             .minimum
             .as_ref()

@@ -7,7 +7,7 @@ use boresight::Result;
 use boresight::calibration::Calibration;
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, with_known_mountings};
-use boresight::pipeline::stages;
+use boresight::pipeline::{OpenProject, stages};
 use boresight::progress::Silent;
 
 use super::field_days::{FieldDay, offset, right_in_left};
@@ -17,7 +17,7 @@ const FIRST: f64 = 1e-6;
 const OTHER: f64 = 0.02;
 
 pub fn compare(field: &FieldDay, day: u64) -> Result<()> {
-    let (project, mut rig) = (&field.project, field.rig.clone());
+    let (project, mut rig) = (&OpenProject::new(&field.project), field.rig.clone());
     let in_use = right_in_left(&rig.poses());
     rig.mountings[0].fixed = [true; 6];
     let poses = stages::poses(project, &Silent)?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use boresight::calibration::Method;
 use boresight::geometry::Vec3;
-use boresight::pipeline::{self, Options, Outcome, Placement, stages};
+use boresight::pipeline::{self, OpenProject, Options, Outcome, Placement, stages};
 use boresight::progress::Progress;
 use boresight::project::Project;
 use boresight::sensor::{HeadingFix, ImuSample, PoseRecord, PositionFix};
@@ -131,14 +131,14 @@ fn smooth_project(
     threads: Option<usize>,
 ) -> PyResult<Smoothed> {
     run_on(listener, threads, |progress| {
-        let project = read_project(&project)?;
+        let project = OpenProject::new(&read_project(&project)?);
         let estimated = stages::poses(&project, progress);
         let estimated = estimated.map_err(|error| error.within(&project.inputs()))?;
         let poses = estimated.poses.trajectory.poses().to_vec();
         let solution = estimated.poses.solution.as_ref();
         Ok(Smoothed::new(
             poses,
-            project.origin_m,
+            project.origin_m(),
             solution,
             estimated.covariance,
         ))

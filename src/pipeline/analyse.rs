@@ -11,7 +11,7 @@ use super::finished::Finished;
 use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::{Key, Keys};
-use super::origin::with_origin;
+use super::open_project::OpenProject;
 use super::outcome::Options;
 use super::stages::{EstimatedPoses, Poses};
 use super::{clouds, drives, stages, unfinished, write};
@@ -43,7 +43,7 @@ pub fn analyse(
     let inputs = project.inputs();
     let job = Job::new(options, &inputs, &names, progress)?;
     let inputs = Inputs::read(inputs, progress)?;
-    let project = &with_origin(project, progress);
+    let project = &OpenProject::with_origin(project, progress);
     let files = inputs.files();
     let run = Run {
         project,
@@ -106,7 +106,7 @@ pub fn analyse(
 
 /// What all stages of a run need.
 struct Run<'a> {
-    project: &'a Project,
+    project: &'a OpenProject,
     extras: &'a Extras,
     keys: Keys,
     cloud_names: Vec<String>,

@@ -4,6 +4,7 @@ use super::calibration_drive::CalibrationDrive;
 use super::findings::{Findings, Truth};
 use super::job::Job;
 use super::keys::Keys;
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use super::start::{self, Start};
 use super::{calibration_toml, drives, joint, mounting, page, stages};
@@ -50,7 +51,7 @@ pub fn before_scans(
 /// The results of the stages.
 pub struct Calibrated<'a> {
     /// The project.
-    pub project: &'a Project,
+    pub project: &'a OpenProject,
     /// The scanners before the calibration, with the scales that suit their points.
     pub rig: Rig,
     /// The reference, thinned for drawing.
@@ -71,7 +72,7 @@ impl<'a> Calibrated<'a> {
     /// # Errors
     /// The first error of any stage.
     pub fn run(
-        project: &'a Project,
+        project: &'a OpenProject,
         drive: &CalibrationDrive<'_>,
         BeforeScans {
             background_m,
@@ -218,7 +219,7 @@ impl<'a> Calibrated<'a> {
                 result: calibration,
                 joint: self.joint,
                 variants: variants.collect(),
-                origin_m: project.origin_m,
+                origin_m: project.origin_m(),
             },
             drives,
             scenes: Vec::new(),

@@ -3,6 +3,7 @@
 
 use std::cell::OnceCell;
 
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use super::stages::{self, EstimatedPoses};
 use crate::calibration::ScannerSample;
@@ -10,11 +11,10 @@ use crate::comparison::ReferenceSurface;
 use crate::error::Result;
 use crate::geometry::Vec3;
 use crate::progress::Progress;
-use crate::project::Project;
 
 /// The reference, the poses and the samples of the calibration drive.
 pub struct CalibrationDrive<'a> {
-    project: &'a Project,
+    project: &'a OpenProject,
     reference: OnceCell<Vec<Vec3>>,
     surface: OnceCell<Option<ReferenceSurface>>,
     poses: OnceCell<EstimatedPoses>,
@@ -23,7 +23,7 @@ pub struct CalibrationDrive<'a> {
 
 impl<'a> CalibrationDrive<'a> {
     /// The drive of a project, of which nothing has been read yet.
-    pub fn new(project: &'a Project) -> Self {
+    pub fn new(project: &'a OpenProject) -> Self {
         Self {
             project,
             reference: OnceCell::new(),

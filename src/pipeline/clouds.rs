@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::job::Job;
-use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
+use super::open_project::OpenProject;
+use super::profiles::{all_profile_inputs, open_profiles, warn_of_remarks};
 use super::rig::Rig;
 use super::stages::{box_of, in_parallel, warn_of_missing};
 use crate::comparison::TimedPoint;
@@ -124,14 +125,15 @@ impl Values {
 }
 
 /// The coordinate reference system of the world, which is that of the reference.
-fn wkt(project: &Project) -> Result<Option<String>> {
+fn wkt(project: &OpenProject) -> Result<Option<String>> {
     let Some(reference) = &project.reference else {
         return Ok(None);
     };
+    let input = &project.input(&reference.path);
     // The clouds are in metres, a system in feet is not theirs.
-    match format::unit_m(&reference.path)? {
+    match format::unit_m(input)? {
         Some(_) => Ok(None),
-        None => format::crs_wkt(&reference.path),
+        None => format::crs_wkt(input),
     }
 }
 
@@ -139,7 +141,7 @@ fn wkt(project: &Project) -> Result<Option<String>> {
 ///
 /// # Errors
 /// The reference, which has the coordinate reference system of the clouds, cannot be read.
-pub fn shape(project: &Project, trajectory: &Trajectory) -> Result<CloudShape> {
+pub fn shape(project: &OpenProject, trajectory: &Trajectory) -> Result<CloudShape> {
     let (first_s, last_s) = trajectory.span_s();
     Ok(CloudShape {
         clock: CloudClock::of_span(first_s, last_s),
@@ -158,13 +160,13 @@ pub type OpenSink<'a> = dyn Fn(usize, &CloudShape) -> Result<Box<dyn CloudSink +
 /// middle of the drive, because the files hold only points that are near.
 pub fn into_files<'a>(
     files: &'a [PathBuf],
-    project: &Project,
+    project: &OpenProject,
     trajectory: &Trajectory,
 ) -> Box<OpenSink<'a>> {
     let places = trajectory.poses().iter();
     let places = places.map(|pose| pose.world_from_body.translation_m);
     let middle_m = box_of(places).map_or_else(Vec3::zeros, |(low, high)| (low + high) / 2.0);
-    let offset_m = project.origin_m + middle_m;
+    let offset_m = project.origin_m() + middle_m;
     Box::new(move |index, shape| {
         Ok(Box::new(WholeFile {
             path: &files[index],
@@ -212,13 +214,13 @@ impl Drop for WholeFile<'_> {
 /// Errors of the readers; no profile within the trajectory's span; a cloud cannot be
 /// written; [`Error::Cancelled`].
 pub fn stream(
-    project: &Project,
+    project: &OpenProject,
     trajectory: &Trajectory,
     mounted: Mounted<'_>,
     open: Option<&OpenSink<'_>>,
     progress: &dyn Progress,
 ) -> Result<Vec<CloudSample>> {
-    let inputs: Vec<_> = project.scanners.iter().map(profile_inputs).collect();
+    let inputs = all_profile_inputs(project);
     let jobs = project
         .scanners
         .iter()
@@ -265,7 +267,7 @@ pub fn stream(
                     sample.push((values.profile, *point));
                     if let Some(writer) = &mut writer {
                         writer.push(&CloudPoint {
-                            position: world + project.origin_m,
+                            position: world + project.origin_m(),
                             time_s,
                             intensity: point.intensity,
                             values: &values.array(),
@@ -368,7 +370,7 @@ pub fn names(project: &Project) -> Vec<String> {
 /// # Errors
 /// As for [`stream`].
 pub fn write(
-    project: &Project,
+    project: &OpenProject,
     trajectory: &Trajectory,
     mounted: Mounted<'_>,
     job: &mut Job<'_>,

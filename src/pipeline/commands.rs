@@ -11,7 +11,7 @@ use super::findings::{Extras, Findings, Truth};
 use super::inputs::Inputs;
 use super::job::Job;
 use super::keys::Keys;
-use super::origin::with_origin;
+use super::open_project::OpenProject;
 use super::outcome::{Options, Outcome};
 use super::{clouds, drives, page, result, stages, summary, unfinished, write};
 use crate::comparison::Agreements;
@@ -143,7 +143,7 @@ pub fn trajectory(
 ) -> Result<Outcome> {
     let names = ["trajectory.csv", "trajectory.html"];
     let job = Job::new(options, &project.inputs(), &names, progress)?;
-    let project = &with_origin(project, progress);
+    let project = &OpenProject::with_origin(project, progress);
     let poses = stages::poses(project, progress)?.poses;
     let (seconds, (first_s, last_s)) = (poses.seconds, poses.trajectory.span_s());
     let drive = drives::drive(&drives::name_of(project), poses, Agreements::default());
@@ -187,7 +187,7 @@ pub fn trajectory(
 pub fn calibrate(project: &Project, options: &Options, progress: &dyn Progress) -> Result<Outcome> {
     let names = [&calibrated::FILES[..], &["calibration.html"]].concat();
     let mut job = Job::new(options, &project.inputs(), &names, progress)?;
-    let project = &with_origin(project, progress);
+    let project = &OpenProject::with_origin(project, progress);
     // The stages are not kept, so their keys need no file contents.
     let keys = Keys::new(project, &Inputs::default())?;
     let calibration_drive = CalibrationDrive::new(project);

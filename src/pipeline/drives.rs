@@ -7,6 +7,7 @@ use super::clouds::{self, CloudSample, Mounted};
 use super::job::Job;
 use super::joint;
 use super::keys::{Key, Keys};
+use super::open_project::OpenProject;
 use super::rig::{PASS_CELL_VOXELS, Rig};
 use super::scene;
 use super::stages::{self, EstimatedPoses, Poses};
@@ -72,14 +73,14 @@ pub type DriveAndScene = (Drive, Option<Scene>);
 #[derive(Clone, Copy)]
 struct ComparedDrive<'a> {
     name: &'a str,
-    project: &'a Project,
+    project: &'a OpenProject,
     rig: &'a Rig,
 }
 
 /// The data with which the drives of a project are compared.
 pub struct Compared<'a> {
     /// The project.
-    pub project: &'a Project,
+    pub project: &'a OpenProject,
     /// The scanners with the values of the calibration.
     pub rig: &'a Rig,
     /// The mountings with which points are placed.
@@ -149,7 +150,7 @@ impl Compared<'_> {
         calibration_drive: &CalibrationDrive<'_>,
         progress: &dyn Progress,
     ) -> Result<DriveAndScene> {
-        let project = &other.read(self.project)?;
+        let project = &self.project.drive(other.read(self.project)?);
         let rig = &Rig {
             mountings: self.rig.mountings.clone(),
             compliance: self.rig.compliance.clone(),

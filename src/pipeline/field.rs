@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::clouds::{self, Mounted};
 use super::job::Job;
+use super::open_project::OpenProject;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
 use super::rig::Rig;
@@ -36,6 +37,7 @@ pub fn field(
     progress: &dyn Progress,
 ) -> Result<Outcome> {
     let mut job = Job::new(options, &project.inputs(), &[PAGE], progress)?;
+    let project = &OpenProject::new(project);
     let poses = stages::poses(project, progress)?.poses;
     let bending = clouds::bending(rig, &poses.trajectory);
     let mounted = Mounted {

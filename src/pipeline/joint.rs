@@ -48,7 +48,7 @@ pub fn report(
     let project = calibration_drive.project;
     let (mut other_drives, mut contradicted) = (Vec::new(), Vec::new());
     for other in &project.drives {
-        let other_project = other.read(project)?;
+        let other_project = project.drive(other.read(project)?);
         let columns = |project: &Project| project.bending.as_ref().map(|log| log.columns.clone());
         if let (Some(theirs), Some(ours)) = (columns(&other_project), columns(project))
             && theirs != ours

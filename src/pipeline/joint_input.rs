@@ -1,5 +1,6 @@
 //! What the joint adjustment takes of a drive.
 
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use super::stages::EstimatedPoses;
 use super::start::CLOSE_M;
@@ -8,7 +9,7 @@ use crate::error::{Error, Problem, Result};
 use crate::format;
 use crate::joint::motion::Motion as JointMotion;
 use crate::joint::{ChainMotion, CorrectedPoses, CorrelatedError, JointDrive, Scans};
-use crate::project::{FrameLogFile, Logs, Motion, Project};
+use crate::project::{FrameLogFile, Logs, Motion};
 use crate::sensor::{FrameLog, MAX_FRAME_COLUMNS, check_overlap};
 use crate::statistics::median;
 use crate::trajectory::Solution;
@@ -18,7 +19,7 @@ pub struct Drive<'a> {
     /// Name of the drive in the results.
     pub name: &'a str,
     /// Its project.
-    pub project: &'a Project,
+    pub project: &'a OpenProject,
     /// Its scanners.
     pub rig: &'a Rig,
     /// Its poses, from logs or a file.
@@ -92,7 +93,7 @@ fn frame_log(drive: &Drive<'_>) -> Result<Option<FrameLog>> {
     let Some(FrameLogFile { log, columns }) = &drive.project.bending else {
         return Ok(None);
     };
-    let mut read = format::read_frame_log(&log.path, columns)?;
+    let mut read = format::read_frame_log(drive.project.input(&log.path), columns)?;
     read.rows
         .iter_mut()
         .for_each(|(time_s, _)| *time_s += log.time_offset_s);

@@ -5,6 +5,7 @@ use std::fmt::{self, Debug, Display, Write};
 use twox_hash::xxhash3_128::Hasher;
 
 use super::inputs::Inputs;
+use super::open_project::OpenProject;
 use super::program::PROGRAM;
 use super::recorded::is_recorded;
 use crate::comparison::ComparisonSettings;
@@ -75,14 +76,15 @@ impl Keys {
     ///
     /// # Errors
     /// The project of another drive cannot be read.
-    pub fn new(project: &Project, inputs: &Inputs) -> Result<Self> {
+    pub fn new(project: &OpenProject, inputs: &Inputs) -> Result<Self> {
         let program = Key::default();
         let other = |drive: &OtherDrive| -> Result<Key> {
             let project = Project::read(&drive.project)?;
             let key = key_of(&before_comparison(&project), inputs, &program);
             Ok(key.with(&drive.name))
         };
-        let calibration = key_of(&before_comparison(project), inputs, &program);
+        let origin_m = project.origin_m();
+        let calibration = key_of(&before_comparison(project), inputs, &program).with(&origin_m);
         let mut joint = calibration.clone();
         for drive in &project.drives {
             joint = joint.with(&other(drive)?);
@@ -93,8 +95,8 @@ impl Keys {
         let reference = project.reference.as_ref();
         let reference = reference.map(|file| inputs.hash(&file_of(&file.path)));
         Ok(Self {
-            reference: program.clone().with(&(reference, project.origin_m)),
-            poses: key_of(&before_scans(project), inputs, &program),
+            reference: program.clone().with(&(reference, origin_m)),
+            poses: key_of(&before_scans(project), inputs, &program).with(&origin_m),
             calibration,
             evaluations: evaluations.collect::<Result<_>>()?,
             joint,

@@ -1,12 +1,12 @@
 //! The logs of a drive, read and prepared for the trajectory stage.
 
 use super::inputs::size;
+use super::open_project::OpenProject;
 use super::profiles::warn_of_remarks;
 use crate::error::Result;
 use crate::feed::{Feed, log_clock};
-use crate::format::Input;
 use crate::progress::Progress;
-use crate::project::{Logs, Project};
+use crate::project::Logs;
 use crate::sensor::{
     Continued, HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, span_s,
     start_between_s,
@@ -37,13 +37,13 @@ impl DriveLogs {
     ///
     /// # Errors
     /// Errors of the readers.
-    pub fn read(project: &Project, logs: &Logs, progress: &dyn Progress) -> Result<Self> {
+    pub fn read(project: &OpenProject, logs: &Logs, progress: &dyn Progress) -> Result<Self> {
         let positions = logs.positions.iter().map(|log| &log.path);
         let heading = logs.heading.iter().map(|log| &log.path);
         let all = positions.chain(heading).chain([&logs.imu.path]);
         let stage = progress.stage("reading logs", all.map(|path| size(path)).sum());
-        let feed = Feed::new(project, logs);
-        let input = Input::from(&logs.imu.path);
+        let feed = Feed::new(project, logs).with_origin(project.origin_m());
+        let input = project.input(&logs.imu.path);
         let imu = feed.imu(&input, &mut Continued::default(), log_clock)?;
         warn_of_remarks("imu", &[input], progress);
         stage.advance(size(&logs.imu.path))?;
@@ -51,7 +51,7 @@ impl DriveLogs {
         let mut positions = Vec::with_capacity(logs.positions.len());
         let mut rejected = Vec::new();
         for (sensor, log) in logs.positions.iter().enumerate() {
-            let input = Input::from(&log.path);
+            let input = project.input(&log.path);
             let read = feed.positions(sensor, &input, &mut Continued::default(), log_clock)?;
             stage.advance(size(&log.path))?;
             let (mut fixes, rows) = (read.fixes, read.rejected);
@@ -64,7 +64,7 @@ impl DriveLogs {
         }
         let mut heading = Vec::new();
         if let Some(log) = &logs.heading {
-            let input = Input::from(&log.path);
+            let input = project.input(&log.path);
             heading = feed.heading(&input, &mut Continued::default(), log_clock)?;
             warn_of_remarks("heading", &[input], progress);
             start_with(&imu, "heading", &mut heading, progress);
@@ -138,7 +138,7 @@ fn report_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn 
 mod tests {
     use super::*;
     use crate::geometry::Vec3;
-    use crate::project::Motion;
+    use crate::project::{Motion, Project};
     use std::sync::Mutex;
 
     #[derive(Default)]
@@ -189,7 +189,7 @@ mod tests {
             panic!("logs");
         };
         let messages = Messages::default();
-        let read = DriveLogs::read(&project, logs, &messages).unwrap();
+        let read = DriveLogs::read(&OpenProject::new(&project), logs, &messages).unwrap();
         let motion = read.motion();
         assert_eq!(motion.imu[0].time_s, 11.0);
         assert_eq!(motion.heading[0].time_s, 14.0);

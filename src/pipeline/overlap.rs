@@ -1,5 +1,6 @@
 //! The drift watch of one drive: changes of the mountings that the overlap of a project's scanners shows.
 
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use super::{clouds, stages, start};
 use crate::drift::{self, Overlap, OverlapInput};
@@ -14,6 +15,7 @@ use crate::project::Project;
 /// Errors of the stages; see [`drift::overlap`].
 pub fn overlap(project: &Project, rig: &Rig, progress: &dyn Progress) -> Result<Overlap> {
     drift::check_scanners(project.scanners.len())?;
+    let project = &OpenProject::new(project);
     let poses = stages::poses(project, progress)?;
     let rig = &start::with_scales(project, rig, poses.trajectory(), progress)?;
     let samples = stages::samples(project, rig, poses.trajectory(), progress)?;

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::clouds::Mounted;
 use super::commands::files_in;
 use super::job::Job;
-use super::origin::with_origin;
+use super::open_project::OpenProject;
 use super::outcome::{Options, Outcome};
 use super::result::judge;
 use super::rig::Rig;
@@ -157,7 +157,10 @@ pub fn georeference(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Outcome> {
-    let (project, rig) = (&with_origin(&placement.project, progress), &placement.rig);
+    let (project, rig) = (
+        &OpenProject::with_origin(&placement.project, progress),
+        &placement.rig,
+    );
     let names = clouds::names(project);
     let mut job = Job::new(options, placement.inputs(), &names, progress)?;
     for remark in &placement.remarks {

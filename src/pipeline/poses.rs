@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::logs::DriveLogs;
 use super::one_body;
+use super::open_project::OpenProject;
 use super::profiles::warn_of_remarks;
 use super::recorded;
 use crate::error::Result;
@@ -16,7 +17,7 @@ use crate::preflight::{
     Contradiction, Log, LogFindings, late_logs, logs as contradictions, position_noise, unmeasured,
 };
 use crate::progress::Progress;
-use crate::project::{Logs, Motion, PosesFile, Project};
+use crate::project::{Logs, Motion, PosesFile};
 use crate::sensor::{PoseRecord, PoseSigma, RejectedRow};
 use crate::trajectory::{
     Estimate, PosteriorCovariance, Solution, Tested, Trajectory, estimate, estimate_tested,
@@ -78,7 +79,7 @@ impl EstimatedPoses {
 ///
 /// # Errors
 /// Errors of the readers and the adjustment.
-pub fn poses(project: &Project, progress: &dyn Progress) -> Result<EstimatedPoses> {
+pub fn poses(project: &OpenProject, progress: &dyn Progress) -> Result<EstimatedPoses> {
     match &project.motion {
         Motion::Logs(logs) => poses_from_logs(project, logs, progress),
         Motion::Poses(file) => {
@@ -140,7 +141,7 @@ fn correct_faults(logs: &mut DriveLogs, files: &Logs) -> Result<Vec<Contradictio
 }
 
 fn poses_from_logs(
-    project: &Project,
+    project: &OpenProject,
     logs: &Logs,
     progress: &dyn Progress,
 ) -> Result<EstimatedPoses> {
@@ -210,7 +211,7 @@ fn poses_from_logs(
 ///
 /// # Errors
 /// See [`poses`].
-pub fn rough_poses(project: &Project, progress: &dyn Progress) -> Result<Poses> {
+pub fn rough_poses(project: &OpenProject, progress: &dyn Progress) -> Result<Poses> {
     let Motion::Logs(files) = &project.motion else {
         return Ok(poses(project, progress)?.poses);
     };
@@ -235,7 +236,7 @@ pub fn rough_poses(project: &Project, progress: &dyn Progress) -> Result<Poses> 
 ///
 /// # Errors
 /// Errors of the readers; see [`crate::preflight::logs`].
-pub fn preflight(project: &Project, progress: &dyn Progress) -> Result<Option<LogFindings>> {
+pub fn preflight(project: &OpenProject, progress: &dyn Progress) -> Result<Option<LogFindings>> {
     match &project.motion {
         Motion::Logs(files) => {
             let mut logs = DriveLogs::read(project, files, progress)?;
@@ -250,14 +251,14 @@ pub fn preflight(project: &Project, progress: &dyn Progress) -> Result<Option<Lo
 }
 
 fn read_poses(
-    project: &Project,
+    project: &OpenProject,
     file: &PosesFile,
     progress: &dyn Progress,
 ) -> Result<Vec<PoseRecord>> {
     let mut files = Vec::new();
     for path in file.paths() {
         let crs = project.crs.as_ref();
-        let input = format::Input::from(path);
+        let input = project.input(path);
         let poses = format::read_projected_trajectory(&input, project.axes, crs)?;
         files.push((path.as_path(), poses));
         warn_of_remarks(&path.display().to_string(), &[input], progress);
@@ -269,7 +270,7 @@ fn read_poses(
     nodes.dedup_by(|later, earlier| later.time_s == earlier.time_s);
     for node in &mut nodes {
         node.time_s += file.time_offset_s;
-        node.world_from_body.translation_m -= project.origin_m;
+        node.world_from_body.translation_m -= project.origin_m();
         if node.sigma.is_none()
             && let (Some(position), Some(rotation)) =
                 (file.sigma_position_m, file.sigma_rotation_rad)

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use serde::Serialize;
 
-use super::origin::with_origin;
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use super::stages::{self, Poses};
 use super::start;
@@ -68,7 +68,7 @@ pub fn preview(project: &Project, progress: &dyn Progress) -> Result<Preview> {
         each: Mutex::default(),
         progress,
     };
-    let project = &with_origin(project, &warnings);
+    let project = &OpenProject::with_origin(project, &warnings);
     let logs = stages::preflight(project, &warnings)?;
     let mut preview = Preview {
         verdicts: logs.iter().flat_map(judgement::raw_logs).collect(),
@@ -89,7 +89,7 @@ pub fn preview(project: &Project, progress: &dyn Progress) -> Result<Preview> {
 }
 
 impl Preview {
-    fn poses_and_scans(&mut self, project: &Project, warnings: &Warnings<'_>) -> Result<()> {
+    fn poses_and_scans(&mut self, project: &OpenProject, warnings: &Warnings<'_>) -> Result<()> {
         let Poses {
             trajectory,
             solution,
@@ -118,7 +118,7 @@ impl Preview {
 
     fn scans(
         &mut self,
-        project: &Project,
+        project: &OpenProject,
         trajectory: &Trajectory,
         warnings: &Warnings<'_>,
     ) -> Result<()> {

@@ -1,5 +1,6 @@
 //! The profile files of a scanner, opened for a trajectory.
 
+use super::open_project::OpenProject;
 use crate::error::Result;
 use crate::format::{self, CloudClock, Input, ProfileReader};
 use crate::progress::Progress;
@@ -7,11 +8,19 @@ use crate::project::Scanner;
 use crate::sensor::{ScanPoint, start_between_s};
 use crate::trajectory::Trajectory;
 
-/// The profile files of a scanner.
-pub fn profile_inputs(scanner: &Scanner) -> Vec<Input> {
-    let inputs = scanner.profiles.iter().map(Input::from);
+/// The profile files of a scanner of the project, for one reading.
+pub fn profile_inputs(project: &OpenProject, scanner: &Scanner) -> Vec<Input> {
+    let inputs = scanner.profiles.iter().map(|path| project.input(path));
     inputs
         .map(|input| input.with_point_times(scanner.point_times.clone()))
+        .collect()
+}
+
+/// The profile files of all scanners of the project, for one reading.
+pub fn all_profile_inputs(project: &OpenProject) -> Vec<Vec<Input>> {
+    let scanners = project.scanners.iter();
+    scanners
+        .map(|scanner| profile_inputs(project, scanner))
         .collect()
 }
 

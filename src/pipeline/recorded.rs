@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::open_project::OpenProject;
 use crate::error::Result;
 use crate::format::{RecordingClocks, is_in_recording, recording_clock, sensor_clock};
 use crate::project::{Motion, Project};
@@ -10,7 +11,7 @@ use crate::project::{Motion, Project};
 ///
 /// # Errors
 /// Files of the recording that cannot be read; see [`sensor_clock`].
-pub(super) fn clocks(project: &Project) -> Result<Option<RecordingClocks>> {
+pub(super) fn clocks(project: &OpenProject) -> Result<Option<RecordingClocks>> {
     let logs = logs(project);
     let Some(system) = logs.iter().find_map(|(_, path)| recording_clock(path)) else {
         return Ok(None);
@@ -18,7 +19,7 @@ pub(super) fn clocks(project: &Project) -> Result<Option<RecordingClocks>> {
     let system = system?;
     let mut sensors = Vec::new();
     for (name, path) in logs {
-        sensors.extend(sensor_clock(path)?.map(|clock| (name.to_owned(), clock)));
+        sensors.extend(sensor_clock(project.input(path))?.map(|clock| (name.to_owned(), clock)));
     }
     Ok(Some(RecordingClocks { system, sensors }))
 }

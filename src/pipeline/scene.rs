@@ -1,11 +1,11 @@
 //! The three-dimensional scene of a drive for the page.
 
 use super::clouds::CloudSample;
+use super::open_project::OpenProject;
 use super::rig::Rig;
 use crate::comparison::{Agreements, ComparisonSettings, MountingKind};
 use crate::geometry::Vec3;
 use crate::joint::SurfelPlane;
-use crate::project::Project;
 use crate::report::scene::{Input, Scan, Scene, View, gather};
 
 /// Largest numbers of points of a drive and of all drives together: the page then has a size of some megabytes.
@@ -15,7 +15,7 @@ const MOST: usize = 570_000;
 /// The data from which the scene of a drive is made.
 pub struct SceneInput<'a> {
     /// Its project.
-    pub project: &'a Project,
+    pub project: &'a OpenProject,
     /// Its scanners.
     pub rig: &'a Rig,
     /// An even sample of the points of each scanner.
@@ -45,7 +45,7 @@ impl SceneInput<'_> {
                 points: &sample.points,
             });
         gather(&Input {
-            origin_m: self.project.origin_m,
+            origin_m: self.project.origin_m(),
             scans: scans.collect(),
             views: views
                 .filter(|view| view.kind != MountingKind::Truth)

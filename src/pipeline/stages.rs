@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::open_project::OpenProject;
 pub use super::poses::{EstimatedPoses, Poses, poses, preflight, rough_poses};
-use super::profiles::{open_profiles, profile_inputs, warn_of_remarks};
+use super::profiles::{all_profile_inputs, open_profiles, warn_of_remarks};
 use super::rig::Rig;
 use crate::calibration::{
     Calibration, CalibrationSettings, Input, Mounting, ScannerSample, calibrate, sample_profiles,
@@ -43,13 +44,13 @@ fn check_no_shared_files(project: &Project) -> Result<()> {
 /// # Errors
 /// Scanners with a file in common; see [`sample_profiles`].
 pub fn samples(
-    project: &Project,
+    project: &OpenProject,
     rig: &Rig,
     trajectory: &Trajectory,
     progress: &dyn Progress,
 ) -> Result<Vec<ScannerSample>> {
     check_no_shared_files(project)?;
-    let inputs: Vec<Vec<format::Input>> = project.scanners.iter().map(profile_inputs).collect();
+    let inputs = all_profile_inputs(project);
     let all = project.scanners.iter().zip(&inputs);
     let all = all
         .map(|(scanner, inputs)| open_profiles(scanner, inputs, trajectory))
@@ -123,7 +124,7 @@ fn exclusion_warning(scanner: &str, read: u64, excluded: &ExcludedPoints) -> Opt
 /// # Errors
 /// The bounding boxes of both are more than a metre apart; the margin allows for a rough mounting.
 pub fn check_reference(
-    project: &Project,
+    project: &OpenProject,
     rig: &Rig,
     samples: &[ScannerSample],
     reference: &[Vec3],
@@ -145,7 +146,7 @@ pub fn check_reference(
         return Ok(());
     }
     let text = |(low, high): (Vec3, Vec3)| {
-        let (low, high) = (low + project.origin_m, high + project.origin_m);
+        let (low, high) = (low + project.origin_m(), high + project.origin_m());
         format!(
             "east {:.1} to {:.1}, north {:.1} to {:.1}, up {:.1} to {:.1} m",
             low.x, high.x, low.y, high.y, low.z, high.z
@@ -186,12 +187,12 @@ pub fn in_parallel<J: Send, R: Send>(jobs: Vec<J>, work: impl Fn(J) -> R + Sync 
 ///
 /// # Errors
 /// Errors of the reader; a reference without points.
-pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>> {
+pub fn reference(project: &OpenProject, progress: &dyn Progress) -> Result<Vec<Vec3>> {
     let Some(reference) = &project.reference else {
         return Ok(Vec::new());
     };
     let stage = progress.stage("reading the reference", 0);
-    let cloud = CloudSource::open(&reference.path, progress)?;
+    let cloud = CloudSource::open(project.input(&reference.path), progress)?;
     let mut points = cloud.points(progress)?.into_owned();
     drop(stage);
     if points.is_empty() {
@@ -201,9 +202,8 @@ pub fn reference(project: &Project, progress: &dyn Progress) -> Result<Vec<Vec3>
             "check that the file is the right one and not empty",
         ));
     }
-    points
-        .iter_mut()
-        .for_each(|point| *point -= project.origin_m);
+    let origin_m = project.origin_m();
+    points.iter_mut().for_each(|point| *point -= origin_m);
     Ok(points)
 }
 

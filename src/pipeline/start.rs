@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::open_project::OpenProject;
 use super::profiles::{open_profiles, profile_inputs};
 use super::rig::Rig;
 use crate::calibration::{Reach, ScannerSample, better_start, point_spacing_m};
@@ -43,7 +44,7 @@ const MOST_POINTS: usize = 2_000_000;
 /// # Errors
 /// Errors of the readers.
 pub fn with_scales(
-    project: &Project,
+    project: &OpenProject,
     rig: &Rig,
     trajectory: &Trajectory,
     progress: &dyn Progress,
@@ -81,7 +82,7 @@ pub fn with_scales(
 /// The finest scale at which the points of the scanner with this number form surfaces, metres; `None` if it cannot be
 /// determined.
 fn finest_scale(
-    project: &Project,
+    project: &OpenProject,
     rig: &Rig,
     scanner: usize,
     trajectory: &Trajectory,
@@ -91,7 +92,7 @@ fn finest_scale(
     let (mut bodies, mut points, mut ranges_m) = (Vec::new(), Vec::new(), Vec::new());
     let mut shares = MOVED_SHARES.into_iter().peekable();
     let mut spacing_m = None;
-    let inputs = profile_inputs(&project.scanners[scanner]);
+    let inputs = profile_inputs(project, &project.scanners[scanner]);
     for mut reader in open_profiles(&project.scanners[scanner], &inputs, trajectory)? {
         while reader.next_chunk(&mut chunk)? {
             let mut placing = rig.georeferencer(scanner, trajectory);

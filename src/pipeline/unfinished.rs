@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::findings::{Extras, Findings};
 use super::job::Job;
+use super::open_project::OpenProject;
 use super::{page, summary, write};
 use crate::error::{Error, Result};
 use crate::judgement;
 use crate::progress::Progress;
-use crate::project::Project;
 use crate::results;
 
 /// The results that a run was to write.
@@ -26,7 +26,7 @@ impl Results<'_> {
     /// the error with which it failed.
     pub fn of_trajectory(
         &self,
-        project: &Project,
+        project: &OpenProject,
         extras: &Extras,
         drive: &results::Drive,
         error: Error,

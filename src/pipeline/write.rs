@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::findings::{Extras, Findings};
 use super::job::Job;
+use super::open_project::OpenProject;
 use super::{calibrated, kept_page, page, result, stages};
 use crate::error::Result;
 use crate::project::Project;
@@ -26,7 +27,7 @@ pub const RESULTS: [&str; 7] = [
 /// # Errors
 /// The first file that cannot be written.
 pub fn all(
-    project: &Project,
+    project: &OpenProject,
     findings: &Findings,
     extras: &Extras,
     ended: &Result<()>,
@@ -36,7 +37,9 @@ pub fn all(
     if let Some(drive) = findings.drives.first() {
         outcome = outcome.and(trajectory(project, drive, job));
     }
-    let text = project.to_toml_with_scales(&findings.rig.voxel_sizes_m);
+    let text = project
+        .as_used()
+        .to_toml_with_scales(&findings.rig.voxel_sizes_m);
     outcome = outcome.and(text.and_then(|text| job.write("project.toml", text)));
     let content = page::content(project, findings, extras);
     outcome = outcome.and(content.and_then(|content| page(content, project, job)));
@@ -51,9 +54,9 @@ pub fn all(
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn trajectory(project: &Project, drive: &Drive, job: &Job<'_>) -> Result<()> {
+pub fn trajectory(project: &OpenProject, drive: &Drive, job: &Job<'_>) -> Result<()> {
     const NAME: &str = "trajectory.csv";
-    let written = stages::write_trajectory(&job.path(NAME), &drive.poses, &project.origin_m);
+    let written = stages::write_trajectory(&job.path(NAME), &drive.poses, &project.origin_m());
     written.inspect_err(|_| job.discard(NAME))
 }
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use boresight::calibration::{Calibration, CalibrationSettings};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
-use boresight::pipeline::Rig;
 use boresight::pipeline::stages::{self, EstimatedPoses};
+use boresight::pipeline::{OpenProject, Rig};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::simulation::{Scenario, simulate};
@@ -32,9 +32,10 @@ impl DemoDrive {
         let project = Project::read(&files.drives[0].project)?;
         let truth = files.drives[0].folder.join("truth/trajectory.csv");
         let exact = Trajectory::new(format::read_trajectory(&truth)?)?;
+        let open = &OpenProject::new(&project);
         Ok(Self {
-            reference: stages::reference(&project, &Silent)?,
-            estimated: stages::poses(&project, &Silent)?,
+            reference: stages::reference(open, &Silent)?,
+            estimated: stages::poses(open, &Silent)?,
             exact: EstimatedPoses::from_file(exact),
             truth: scenario.true_mountings(),
             project,
@@ -61,6 +62,7 @@ pub fn calibrate(
     poses: &EstimatedPoses,
     reference: &[Vec3],
 ) -> Result<Calibration> {
+    let project = &OpenProject::new(project);
     let rig = Rig::new(project);
     let samples = stages::samples(project, &rig, poses.trajectory(), &Silent)?;
     let start = &rig.mountings;

@@ -9,7 +9,7 @@ use boresight::geometry::{BodyFromScanner, Rotation, Vec3, so3};
 use boresight::joint::{Joint, JointSettings, MovedMounting, contradictions};
 use boresight::nalgebra::{DMatrix, DVector};
 use boresight::pipeline::joint::{Drive, report, with_known_mountings};
-use boresight::pipeline::{Rig, clouds, stages};
+use boresight::pipeline::{OpenProject, Rig, clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::{OtherDrive, Project};
 use boresight::simulation::{Scenario, simulate};
@@ -103,6 +103,7 @@ impl Run {
             })
             .collect();
         (setup.project)(&mut project);
+        let project = OpenProject::new(&project);
         let exact = true_poses(&files.drives[0])?;
         let truth = scenario.true_mountings();
         let mut rig = Rig::new(&project);
@@ -175,7 +176,7 @@ impl Run {
                 name: "evaluation".to_owned(),
                 project: other.project.clone(),
             };
-            let other_project = evaluation.read(&project)?;
+            let other_project = project.drive(evaluation.read(&project)?);
             let mut rig = rig.of_drive(&other_project).with_poses(&start);
             for (known, compliance) in rig.compliance.iter_mut().zip(&joint.compliance) {
                 *known = Some(*compliance);

@@ -10,7 +10,7 @@ use boresight::joint::{CorrectedPoses, JointDrive, JointInput, JointSettings, Sc
 use boresight::judgement::first_placement;
 use boresight::pipeline::clouds::Mounted;
 use boresight::pipeline::start::start;
-use boresight::pipeline::{Extras, Options, Rig, analyse, clouds, stages};
+use boresight::pipeline::{Extras, OpenProject, Options, Rig, analyse, clouds, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::trajectory::Trajectory;
@@ -19,6 +19,7 @@ use boresight::trajectory::Trajectory;
 const NEAR_DEG: f64 = 0.03;
 
 fn calibrated(project: &Project) -> Calibration {
+    let project = &OpenProject::new(project);
     let poses = stages::poses(project, &Silent).unwrap();
     calibrate(project, &project.calibration, &poses, &[]).unwrap()
 }
@@ -36,12 +37,13 @@ fn error_deg(mounting: &BodyFromScanner) -> f64 {
 /// of the first, which has 20,013. In this direction the known rotation reduces it from 0.554 m to
 /// 0.0455 m; in the other, the point spacing of the sparse pass, 0.066 m, would hide the effect.
 fn gap_m(project: &Project, mounting: &BodyFromScanner) -> f64 {
+    let project = &OpenProject::new(project);
     let poses = stages::poses(project, &Silent).unwrap();
     gap_with_m(project, poses.trajectory(), mounting)
 }
 
 /// The same with poses other than those of the file.
-fn gap_with_m(project: &Project, trajectory: &Trajectory, mounting: &BodyFromScanner) -> f64 {
+fn gap_with_m(project: &OpenProject, trajectory: &Trajectory, mounting: &BodyFromScanner) -> f64 {
     let rig = Rig::new(project).with_poses(&[*mounting]);
     let mounted = Mounted::rigid(&rig);
     let streamed = clouds::stream(project, trajectory, mounted, None, &Silent).unwrap();
@@ -94,6 +96,7 @@ fn adjusting_the_poses_as_well_does_not_widen_the_gap_between_the_passes() {
     let prior = "sigma_position_m = 0.02\nsigma_rotation_deg = 0.05";
     let project = project_with(prior, Vec3::zeros(), folder.path());
     let two_steps = calibrated(&project);
+    let project = OpenProject::new(&project);
     let poses = stages::poses(&project, &Silent).unwrap();
     let rig = Rig::new(&project);
     let samples = stages::samples(&project, &rig, poses.trajectory(), &Silent).unwrap();
@@ -148,7 +151,7 @@ fn assert_result_suits_poses(position_m: f64, angle_deg: f64) {
     let folder = tempfile::tempdir().unwrap();
     let stated = format!("sigma_position_m = {position_m}\nsigma_rotation_deg = {angle_deg}");
     let mut project = project_with(&stated, Vec3::zeros(), folder.path());
-    project.origin_m = Vec3::new(582_587.0, 4_107_994.0, 1_261.0);
+    project.origin_m = Some(Vec3::new(582_587.0, 4_107_994.0, 1_261.0));
     let options = Options {
         out: folder.path().join("out"),
         seed: None,
@@ -211,7 +214,7 @@ fn coarse_scales_lead_past_the_local_minimum_from_every_start() {
 #[test]
 fn poses_stored_with_the_points_reproduce_the_points() {
     let folder = tempfile::tempdir().unwrap();
-    let project = project(Vec3::zeros(), folder.path());
+    let project = OpenProject::new(&project(Vec3::zeros(), folder.path()));
     let poses = stages::poses(&project, &Silent).unwrap();
     let rig = Rig::new(&project).with_poses(&[BodyFromScanner::identity()]);
     let mounted = Mounted::rigid(&rig);
@@ -237,6 +240,7 @@ fn millimetres(point: &Vec3) -> [i64; 3] {
 /// The calibration as the commands run it: coarser scales come first where the passes lie farther
 /// apart than the project's scales reach.
 fn calibrated_from_the_misfit(project: &Project) -> (Calibration, Vec<f64>) {
+    let project = &OpenProject::new(project);
     let poses = stages::poses(project, &Silent).unwrap();
     let rig = Rig::new(project);
     let samples = stages::samples(project, &rig, poses.trajectory(), &Silent).unwrap();

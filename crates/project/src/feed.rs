@@ -1,4 +1,4 @@
-//! The records of a drive in common time, with the project's origin subtracted. They come from whole logs, excerpts of
+//! The records of a drive in common time, with the origin subtracted. They come from whole logs, excerpts of
 //! logs that grow, or the lines of a stream. Format readers convert units and frames; times are continued past midnight,
 //! and time offsets and the origin are applied, here and nowhere else.
 
@@ -16,6 +16,7 @@ use crate::trajectory::TrajectorySettings;
 pub struct Feed<'a> {
     project: &'a Project,
     logs: &'a Logs,
+    origin_m: Vec3,
 }
 
 /// The times of the sensors in a stream of lines so far.
@@ -36,9 +37,18 @@ fn remark(input: &Input, text: Option<String>) {
 }
 
 impl<'a> Feed<'a> {
-    /// The feed of these logs of `project`.
+    /// The feed of these logs of `project`, with the origin that it states, or none.
     pub fn new(project: &'a Project, logs: &'a Logs) -> Self {
-        Self { project, logs }
+        Self {
+            project,
+            logs,
+            origin_m: project.origin_m.unwrap_or_default(),
+        }
+    }
+
+    /// The same feed with another origin, metres.
+    pub fn with_origin(self, origin_m: Vec3) -> Self {
+        Self { origin_m, ..self }
     }
 
     /// The settings of the trajectory, with the origin subtracted from stations.
@@ -46,7 +56,7 @@ impl<'a> Feed<'a> {
         let mut settings = self.logs.settings.clone();
         let positions = settings.positions.iter_mut();
         for station_m in positions.filter_map(|position| position.station_m.as_mut()) {
-            *station_m -= self.project.origin_m;
+            *station_m -= self.origin_m;
         }
         settings
     }
@@ -130,7 +140,7 @@ impl<'a> Feed<'a> {
 
     fn place_position(&self, sensor: usize, fix: &mut PositionFix) {
         fix.time_s += self.logs.positions[sensor].time_offset_s;
-        fix.position_m -= self.project.origin_m;
+        fix.position_m -= self.origin_m;
     }
 
     /// The times of a stream of lines before the first one.

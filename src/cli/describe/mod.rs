@@ -63,7 +63,8 @@ pub(super) fn project(project: &Project) -> String {
         BodyAxes::Flu => "FLU: x forward, y left, z up",
     };
     lines.value("body axes", axes);
-    lines.value("origin", format!("{} m", vector(&project.origin_m)));
+    let origin_m = project.origin_m.unwrap_or_default();
+    lines.value("origin", format!("{} m", vector(&origin_m)));
     match &project.motion {
         Motion::Logs(logs) => motion::describe_logs(&mut lines, logs),
         Motion::Poses(poses) => {

@@ -36,7 +36,7 @@ const LOGS: [&str; 4] = ["imu.csv", "prism.csv", "left.csv", "ground.csv"];
 fn keys(folder: &Path) -> [(&'static str, String); 5] {
     let project = Project::read(&folder.join("project.toml")).unwrap();
     let inputs = Inputs::read(project.inputs(), &Silent).unwrap();
-    let keys = Keys::new(&project, &inputs).unwrap();
+    let keys = Keys::new(&OpenProject::new(&project), &inputs).unwrap();
     let evaluations: String = keys.evaluations.iter().map(Key::to_string).collect();
     [
         ("reference", keys.reference.to_string()),

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use super::job::Job;
 use super::logs::DriveLogs;
+use super::open_project::OpenProject;
 use super::outcome::{Options, Outcome};
 use crate::error::{Error, Result};
 use crate::feed::Feed;
@@ -52,28 +53,29 @@ pub fn online(
         progress.warn("constants are held at the project's values until the drive ends");
     }
     let feed = Feed::new(project, logs);
+    let origin_m = project.origin_m.unwrap_or_default();
     let mut session;
     match source {
         Source::Replay => {
-            let read = DriveLogs::read(project, logs, progress)?;
-            session = Session::new(&read.settings, project.origin_m, None)?;
+            let read = DriveLogs::read(&OpenProject::new(project), logs, progress)?;
+            session = Session::new(&read.settings, origin_m, None)?;
             let _stage = progress.stage("online", 0);
             for record in read.in_order() {
                 session.add(record, progress)?;
             }
         }
         Source::Follow(idle) => {
-            session = Session::new(&feed.settings(), project.origin_m, Some(rows))?;
+            session = Session::new(&feed.settings(), origin_m, Some(rows))?;
             follow::follow(feed, logs, idle, progress, |record| {
                 session.add(record, progress)
             })?;
         }
         Source::Lines(lines) => {
-            session = Session::new(&feed.settings(), project.origin_m, Some(rows))?;
+            session = Session::new(&feed.settings(), origin_m, Some(rows))?;
             stdin::read(feed, lines, progress, |record| {
                 session.add(record, progress)
             })?;
         }
     }
-    session.finish(project, options, job, live, progress)
+    session.finish(options, job, live, progress)
 }

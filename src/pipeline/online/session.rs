@@ -13,7 +13,6 @@ use crate::pipeline::outcome::{Options, Outcome};
 use crate::pipeline::result;
 use crate::pipeline::stages::write_trajectory;
 use crate::progress::Progress;
-use crate::project::Project;
 use crate::sensor::{PoseRecord, Record};
 use crate::statistics::quantile;
 use crate::trajectory::{Jump, Online, OnlineOptions, TrajectorySettings, Update};
@@ -108,7 +107,6 @@ impl<'a> Session<'a> {
     /// Estimates the whole trajectory and writes the files.
     pub(super) fn finish(
         self,
-        project: &Project,
         options: &Options,
         job: Job<'_>,
         live: bool,
@@ -119,7 +117,7 @@ impl<'a> Session<'a> {
         let estimate = self.smoother.finish(progress)?;
         let mut files = Vec::new();
         let path = job.path("trajectory.csv");
-        write_trajectory(&path, estimate.trajectory.poses(), &project.origin_m)?;
+        write_trajectory(&path, estimate.trajectory.poses(), &self.origin_m)?;
         files.push(options.out.join("trajectory.csv"));
         if !self.poses.is_empty() {
             format::write_trajectory(&job.path("online.csv"), &self.poses)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use boresight::format::{self, Input, inspect};
 use boresight::geometry::{BodyAxes, Projection};
-use boresight::pipeline::stages;
+use boresight::pipeline::{OpenProject, stages};
 use boresight::progress::Silent;
 use boresight::project::Project;
 use boresight::sensor::{FixQuality, Observations, PoseRecord};
@@ -72,7 +72,7 @@ fn float_solutions_never_count_as_fixed_ones() {
     .unwrap();
     let project = Project::parse(GNSS.to_owned(), &drive.join("gnss.toml")).unwrap();
     let truth = format::read_trajectory(drive.join("truth/trajectory.csv").as_path()).unwrap();
-    let estimated = stages::poses(&project, &Silent).unwrap();
+    let estimated = stages::poses(&OpenProject::new(&project), &Silent).unwrap();
     let nodes = estimated.trajectory().poses();
     let mut squares = 0.0;
     for (node, truth) in nodes.iter().zip(&truth) {

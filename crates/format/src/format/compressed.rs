@@ -1,7 +1,9 @@
 //! Files compressed as a whole, with gzip or Zstandard.
 
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+
+use tempfile::SpooledTempFile;
 
 use crate::error::{Error, Location, Result};
 use crate::format::file::guarded;
@@ -13,9 +15,20 @@ pub(super) const ZSTANDARD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
 /// Extensions of compressed files; that of rosbag2 is the last one.
 const EXTENSIONS: [&str; 3] = ["gz", "zst", "zstd"];
 /// A compressed file unpacks to at most this many times its size, plus `ALWAYS_BYTES`: text of numbers unpacks to ten
-/// times its size, and one that claims more was made to keep the reader busy. It must also fit in memory.
+/// times its size, and one that claims more was made to keep the reader busy. It must also fit in memory, as readers keep
+/// most of what they read.
 const MOST_EXPANDED: u64 = 250;
+/// What unpacks to more than this is kept in a temporary file without a name.
 const ALWAYS_BYTES: u64 = 8 << 20;
+/// Bytes that are unpacked at a time.
+const PIECE: usize = 1 << 18;
+
+/// The content of a compressed file.
+pub(super) struct Unpacked {
+    pub(super) content: SpooledTempFile,
+    /// Its number of bytes.
+    pub(super) size: u64,
+}
 
 /// Unpacks an opened file of `size` bytes; `None` if it is not compressed, and it is left at its beginning.
 ///
@@ -25,7 +38,7 @@ pub(super) fn unpack(
     path: &Path,
     file: &mut (impl Read + Seek),
     size: u64,
-) -> Result<Option<Vec<u8>>> {
+) -> Result<Option<Unpacked>> {
     let mut start = Vec::new();
     let io = |e| Error::io(path, e);
     file.by_ref().take(4).read_to_end(&mut start).map_err(io)?;
@@ -51,13 +64,22 @@ fn most_bytes(size: u64, memory: Budget) -> u64 {
     most.saturating_add(ALWAYS_BYTES).min(memory.bytes)
 }
 
-fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Vec<u8>> {
-    let mut content = Vec::new();
-    decoder
-        .take(most + 1)
-        .read_to_end(&mut content)
-        .map_err(|e: io::Error| damaged(path, &e, name))?;
-    if content.len() as u64 > most {
+fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Unpacked> {
+    let mut decoder = decoder.take(most + 1);
+    let mut content = SpooledTempFile::new(ALWAYS_BYTES as usize);
+    let (mut piece, mut size) = (vec![0; PIECE], 0);
+    loop {
+        let count = match decoder.read(&mut piece) {
+            Ok(0) => break,
+            Ok(count) => count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => return Err(damaged(path, &error, name)),
+        };
+        let written = content.write_all(&piece[..count]);
+        written.map_err(|error| Error::io(std::env::temp_dir(), error))?;
+        size += count as u64;
+    }
+    if size > most {
         return Err(Error::format(
             path,
             Location::Whole,
@@ -65,7 +87,7 @@ fn read(path: &Path, decoder: impl Read, most: u64, name: &str) -> Result<Vec<u8
             "a file that unpacks to at most 250 times its size and 8 MiB, and to half of the free memory",
         ));
     }
-    Ok(content)
+    Ok(Unpacked { content, size })
 }
 
 fn damaged(path: &Path, error: &dyn std::error::Error, name: &str) -> Error {

@@ -6,7 +6,7 @@ use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use super::compressed;
+use super::compressed::{self, Unpacked};
 use super::file::file_of;
 use crate::error::{Error, Location, Result};
 use crate::geometry::Vec3;
@@ -15,18 +15,26 @@ use crate::geometry::Vec3;
 pub(crate) const PARQUET: &[u8] = b"PAR1";
 
 /// The bytes of a file, of an excerpt of it or of a reader, and its path for messages. It can be opened more than once,
-/// each time with a position of its own. The format is detected once for all clones.
+/// each time with a position of its own. The format is detected, and a compressed file is unpacked, once for all clones
+/// and all readings [`again`](Self::again).
 #[derive(Clone)]
 pub struct Input(Arc<Content>);
 
 struct Content {
     path: PathBuf,
     source: Source,
-    /// The content of a compressed file.
-    unpacked: OnceLock<Excerpt>,
-    detected: OnceLock<usize>,
+    known: Arc<Known>,
     notes: Arc<Mutex<Notes>>,
     point_times: PointTimes,
+}
+
+/// What is known of the bytes since they were first opened.
+#[derive(Default)]
+struct Known {
+    /// The content of a compressed file.
+    unpacked: OnceLock<Shared>,
+    /// The index of the format among all formats.
+    detected: OnceLock<usize>,
 }
 
 /// What readers found beside the data that they return.
@@ -68,6 +76,17 @@ pub(crate) struct Shared {
     reader: Arc<Mutex<dyn Bytes>>,
     position: u64,
     size: u64,
+}
+
+impl Shared {
+    /// The beginning of a reader of `size` bytes.
+    fn new(reader: impl Read + Seek + Send + 'static, size: u64) -> Self {
+        Self {
+            reader: Arc::new(Mutex::new(reader)),
+            position: 0,
+            size,
+        }
+    }
 }
 
 impl fmt::Debug for Shared {
@@ -130,11 +149,7 @@ impl Input {
     ) -> Result<Self> {
         let name = name.as_ref();
         let size = reader.seek(SeekFrom::End(0));
-        let shared = Shared {
-            size: size.map_err(|e| Error::io(name, e))?,
-            position: 0,
-            reader: Arc::new(Mutex::new(reader)),
-        };
+        let shared = Shared::new(reader, size.map_err(|e| Error::io(name, e))?);
         Ok(Self::new(name, Source::Reader(shared), Arc::default()))
     }
 
@@ -142,8 +157,7 @@ impl Input {
         Self(Arc::new(Content {
             path: path.to_owned(),
             source,
-            unpacked: OnceLock::new(),
-            detected: OnceLock::new(),
+            known: Arc::default(),
             notes,
             point_times: PointTimes::default(),
         }))
@@ -151,12 +165,20 @@ impl Input {
 
     /// This file, with `point_times` for the points of its clouds.
     pub fn with_point_times(&self, point_times: PointTimes) -> Self {
+        self.of_content(self.0.notes.clone(), point_times)
+    }
+
+    /// This file for another reading, whose readers' remarks are its own.
+    pub fn again(&self) -> Self {
+        self.of_content(Arc::default(), self.0.point_times.clone())
+    }
+
+    fn of_content(&self, notes: Arc<Mutex<Notes>>, point_times: PointTimes) -> Self {
         Self(Arc::new(Content {
             path: self.0.path.clone(),
             source: self.0.source.clone(),
-            unpacked: OnceLock::new(),
-            detected: OnceLock::new(),
-            notes: self.0.notes.clone(),
+            known: self.0.known.clone(),
+            notes,
             point_times,
         }))
     }
@@ -219,11 +241,11 @@ impl Input {
 
     /// The index of its format among all formats, which `detect` finds the first time.
     pub(super) fn detected(&self, detect: impl FnOnce() -> Result<usize>) -> Result<usize> {
-        if let Some(index) = self.0.detected.get() {
+        if let Some(index) = self.0.known.detected.get() {
             return Ok(*index);
         }
         let index = detect()?;
-        Ok(*self.0.detected.get_or_init(|| index))
+        Ok(*self.0.known.detected.get_or_init(|| index))
     }
 
     /// The bytes from the beginning, and their number.
@@ -254,17 +276,19 @@ impl Input {
         Ok((stream, size))
     }
 
-    /// The content of a file of this size, unpacked in memory if it is compressed with gzip or Zstandard.
+    /// The content of a file of this size, unpacked if it is compressed with gzip or Zstandard.
     fn unpacked(&self, mut stream: Stream, size: u64) -> Result<(Stream, u64)> {
-        if self.0.unpacked.get().is_none() {
-            let Some(content) = compressed::unpack(self.path(), &mut stream, size)? else {
-                return Ok((stream, size));
-            };
-            let _ = self.0.unpacked.set(Excerpt(content.into()));
-        }
-        let content = self.0.unpacked.get().cloned().unwrap_or(Excerpt([].into()));
-        let size = content.0.len() as u64;
-        Ok((Stream::Excerpt(Cursor::new(content)), size))
+        let unpacked = &self.0.known.unpacked;
+        let content = match unpacked.get() {
+            Some(content) => content,
+            None => match compressed::unpack(self.path(), &mut stream, size)? {
+                Some(Unpacked { content, size }) => {
+                    unpacked.get_or_init(|| Shared::new(content, size))
+                }
+                None => return Ok((stream, size)),
+            },
+        };
+        Ok((Stream::Shared(content.clone()), content.size))
     }
 
     /// The file itself, for decoders that need one; also its size in bytes.
@@ -396,6 +420,27 @@ mod tests {
         let empty = Input::from_reader("empty.csv", Cursor::new("")).unwrap();
         let error = read_imu(&empty).unwrap_err().to_string();
         assert!(error.contains("empty.csv: found an empty file"), "{error}");
+    }
+
+    #[test]
+    fn a_file_is_unpacked_and_its_format_detected_once_for_all_readings() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("imu.csv.gz");
+        let mut packed = flate2::read::GzEncoder::new(IMU.as_bytes(), flate2::Compression::fast());
+        let mut bytes = Vec::new();
+        packed.read_to_end(&mut bytes).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let first = Input::from(&path);
+        let samples = read_imu(&first).unwrap();
+        first.remark("on the first reading");
+        // Damage after the first bytes, by which it is known to be compressed.
+        std::fs::write(&path, [0x1f, 0x8b, 0, 0, 0, 0]).unwrap();
+        let second = first.again();
+        assert_eq!(read_imu(&second).unwrap(), samples);
+        assert!(second.remarks().is_empty());
+        assert!(read_imu(&path).is_err());
+        let unreached = || panic!("its format is known");
+        second.detected(unreached).unwrap();
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A cloud file that is read more than once.
 
 use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::stage::stage;
 use crate::cloud::PointCloud;
@@ -20,7 +20,7 @@ pub enum CloudSource {
     /// A LAS or LAZ file.
     Las {
         /// The file.
-        path: PathBuf,
+        input: Input,
         /// Number of points, from its header.
         points: u64,
     },
@@ -40,24 +40,25 @@ impl CloudSource {
     ///
     /// # Errors
     /// As [`format::las_count`], [`format::las_remarks`] and [`format::read_cloud`].
-    pub fn open(path: &Path, progress: &dyn Progress) -> Result<Self> {
+    pub fn open(input: impl Into<Input>, progress: &dyn Progress) -> Result<Self> {
+        let input = &input.into();
+        let path = input.path();
         // For a file of unknown format, the reader gives the better error.
-        if format::detect(path).is_ok_and(Format::is_las) {
-            for remark in format::las_remarks(path)? {
+        if format::detect(input).is_ok_and(Format::is_las) {
+            for remark in format::las_remarks(input)? {
                 progress.warn(&format!("{}: {remark}", path.display()));
             }
             return Ok(Self::Las {
-                path: path.to_owned(),
-                points: format::las_count(path)?,
+                input: input.clone(),
+                points: format::las_count(input)?,
             });
         }
-        let input = &Input::from(path);
         let read = || format::read_cloud(input);
         let (cloud, _) = stage(progress, "reading the cloud", 0, read)?;
         for remark in input.remarks() {
             progress.warn(&format!("{}: {remark}", path.display()));
         }
-        let wkt = format::crs_wkt(path)?;
+        let wkt = format::crs_wkt(input)?;
         Ok(Self::Memory {
             cloud,
             wkt,
@@ -71,7 +72,7 @@ impl CloudSource {
     /// A file that is damaged or ends early.
     pub fn viewpoints_m(&self) -> Result<Vec<Vec3>> {
         match self {
-            Self::Las { path, .. } => format::las_viewpoints(path),
+            Self::Las { input, .. } => format::las_viewpoints(input),
             Self::Memory { viewpoints_m, .. } => Ok(viewpoints_m.clone()),
         }
     }
@@ -101,7 +102,7 @@ impl CloudSource {
             progress.check()
         };
         match self {
-            Self::Las { path, .. } => format::stream_las(path, &mut each),
+            Self::Las { input, .. } => format::stream_las(input, &mut each),
             Self::Memory { cloud, .. } => cloud.points.chunks(CHUNK).try_for_each(each),
         }
     }
@@ -138,7 +139,7 @@ impl CloudSource {
         progress: &dyn Progress,
     ) -> Result<f64> {
         let write = || match self {
-            Self::Las { path, .. } => format::copy_las(path, output, dimensions, row, progress),
+            Self::Las { input, .. } => format::copy_las(input, output, dimensions, row, progress),
             Self::Memory { cloud, wkt, .. } => {
                 format::cloud_to_las(cloud, output, dimensions, wkt.clone(), row, progress)
             }

@@ -21,11 +21,9 @@ pub struct Project {
     pub path: PathBuf,
     /// Axes of the body frame.
     pub axes: BodyAxes,
-    /// Subtracted from world coordinates on reading and added on writing, metres.
-    pub origin_m: Vec3,
-    /// Whether the project states an origin of zero. An origin of zero that it does not state is replaced with one near
-    /// the first position.
-    pub has_zero_origin: bool,
+    /// What is subtracted from world coordinates on reading and added on writing, metres; `None` if the project states
+    /// none, and a run may choose one.
+    pub origin_m: Option<Vec3>,
     /// The projected coordinate reference system of the world, if files have latitudes and longitudes.
     pub crs: Option<Projection>,
     /// The source of the poses.

@@ -24,7 +24,6 @@ pub(super) fn read(drive: &OtherDrive, main: &Project) -> Result<Project> {
         has_auto_scales: main.has_auto_scales,
         comparison: main.comparison.clone(),
         origin_m: main.origin_m,
-        has_zero_origin: main.has_zero_origin,
         limits: other.limits.or(main.limits),
         ..other
     })

@@ -9,7 +9,6 @@ use super::units::TimeUnit;
 use super::written::{self, ObservationKind, Written};
 use crate::calibration::{Method, PARAMETER_NAMES};
 use crate::error::{Error, Result};
-use crate::geometry::Vec3;
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::joint::{COMPLIANCE, Compliance, MountingMotion, ReferenceSigma, Rung};
 use crate::sensor::Observations;
@@ -41,8 +40,7 @@ fn written(project: &Project, voxel_sizes_m: Option<&[f64]>) -> Written {
     let mut written = Written {
         frame: written::Frame {
             body: Some(project.axes),
-            origin_m: (project.has_zero_origin || project.origin_m != Vec3::zeros())
-                .then(|| project.origin_m.into()),
+            origin_m: project.origin_m.map(Into::into),
             crs: project.crs.as_ref().map(|crs| crs.name().to_owned()),
             ..Default::default()
         },

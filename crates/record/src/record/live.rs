@@ -151,6 +151,7 @@ impl Live {
     fn update(&mut self, common_s: f64) -> Result<()> {
         let new = self.new_records(common_s)?;
         self.renew(common_s)?;
+        let origin_m = self.project.origin_m.unwrap_or_default();
         let mut newest: Option<Update> = None;
         for (i, (smoother, _)) in self.smoothers.iter_mut().enumerate() {
             let mut updates = Vec::new();
@@ -162,7 +163,7 @@ impl Live {
             }
             for update in &updates {
                 let mut pose = update.pose.world_from_body;
-                pose.translation_m += self.project.origin_m;
+                pose.translation_m += origin_m;
                 self.coverage.add(&pose);
             }
             newest = updates.pop();
@@ -173,7 +174,7 @@ impl Live {
             self.failure = None;
             self.pose = Some(LivePose {
                 time_s: update.pose.time_s,
-                position_m: world_from_body.translation_m + self.project.origin_m,
+                position_m: world_from_body.translation_m + origin_m,
                 sigma_m: sigma.map_or(Vec3::repeat(f64::NAN), |sigma| sigma.position_m),
                 heading_rad: heading_rad(&world_from_body.rotation),
                 heading_sigma_rad: sigma.map_or(f64::NAN, |sigma| sigma.rotation_rad.z),

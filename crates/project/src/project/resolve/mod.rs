@@ -68,8 +68,11 @@ pub(super) fn project(source: &Source) -> Result<Project> {
     Ok(Project {
         path: source.path.clone(),
         axes: written.frame.body.unwrap_or_default(),
-        origin_m: frame.vector("origin_m", written.frame.origin_m.unwrap_or_default())?,
-        has_zero_origin: written.frame.origin_m == Some([0.0; 3]),
+        origin_m: written
+            .frame
+            .origin_m
+            .map(|origin_m| frame.vector("origin_m", origin_m))
+            .transpose()?,
         crs: crs(&frame, written.frame.crs.as_deref())?,
         motion: motion::motion(source, written)?,
         limits: motion::limits(source, written)?,

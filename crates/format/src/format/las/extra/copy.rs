@@ -27,27 +27,29 @@ use crate::progress::Progress;
 /// An input that is the output, is damaged, has no points or has waveforms; names that LAS does
 /// not allow; an output that cannot be written; errors of `row`.
 pub fn copy_las(
-    input: &Path,
+    input: impl Into<Input>,
     output: &Path,
     dimensions: &[ExtraDimension],
     row: &mut Row<'_>,
     progress: &dyn Progress,
 ) -> Result<u64> {
+    let input = &input.into();
+    let path = input.path();
     dimension::check(output, dimensions)?;
-    protect_inputs(Path::new(""), &[input.to_owned()], &[output])?;
-    let mut file = LasFile::open(&Input::from(input))?;
+    protect_inputs(Path::new(""), &[path.to_owned()], &[output])?;
+    let mut file = LasFile::open(input)?;
     let format = *file.header().point_format();
     let expected = file.header().number_of_points();
     if format.has_waveform {
         return Err(Error::format(
-            input,
+            path,
             Location::Whole,
             "points with waveforms (point formats 4, 5, 9, 10)",
             "points without waveforms: export the points alone",
         ));
     }
     if expected == 0 {
-        return Err(nothing_in(input, "point"));
+        return Err(nothing_in(path, "point"));
     }
     let retained = Retained::of(&file, dimensions)?;
     let header = header(&file, output, dimensions, &retained)?;
@@ -80,7 +82,7 @@ pub fn copy_las(
     }
     if file.taken() != expected {
         return Err(Error::format(
-            input,
+            path,
             Location::Whole,
             format!("{} points", file.taken()),
             format!("the {expected} points of its header"),
