@@ -78,7 +78,7 @@ pub use read::{
     read_projected_trajectory, read_trajectory, unit_m,
 };
 pub use recorded::{
-    Pieces, RecordingClock, RecordingClocks, SensorClock, StationRow, recording_clock,
+    ClockStep, Pieces, RecordingClock, RecordingClocks, SensorClock, StationRow, recording_clock,
     sensor_clock, station_rows,
 };
 pub use salvage::{Salvaged, salvage};

@@ -1,6 +1,6 @@
 //! Verdicts on the clocks and gaps of a recording.
 
-use crate::format::{RecordingClock, RecordingClocks, SensorClock};
+use crate::format::{ClockStep, RecordingClock, RecordingClocks, SensorClock};
 use crate::verdict::Verdict;
 
 /// Longest gap of the IMU for which poses are still supported, seconds.
@@ -31,7 +31,7 @@ fn system_clock(clock: &RecordingClock, until_s: f64) -> Option<Verdict> {
     let code = "recording.clock";
     let common = "times of the total station are from a clock that ran evenly from the beginning, and times of sensors \
                   with clocks of their own follow from the arrival times";
-    if let Some((set_s, at_s)) = clock.steps.first() {
+    if let Some(ClockStep { set_s, at_s }) = clock.steps.first() {
         let times = match clock.steps.len() {
             1 => String::new(),
             2 => " and once more".to_owned(),

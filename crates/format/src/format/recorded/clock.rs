@@ -31,12 +31,21 @@ pub struct RecordingClock {
     pub worst_rms_s: f64,
     /// The last source to which it was synchronised.
     pub reference: String,
-    /// Steps by which the clock was set, and their times since the beginning, seconds.
-    pub steps: Vec<(f64, f64)>,
+    /// The settings of the clock during the recording.
+    pub steps: Vec<ClockStep>,
     /// Time of the last check by the monotonic clock, seconds.
     pub last_s: f64,
     /// Number of damaged rows.
     pub damaged: usize,
+}
+
+/// A setting of the system clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ClockStep {
+    /// By how much it was set, seconds.
+    pub set_s: f64,
+    /// When, seconds since the beginning.
+    pub at_s: f64,
 }
 
 /// A row of the file.
@@ -120,7 +129,8 @@ impl RecordingClock {
                 clock.worst_rms_s = clock.worst_rms_s.max(rms_s);
                 clock.reference = reference;
             }
-            let step = check.set_s.map(|set_s| (set_s, check.monotonic_s));
+            let at_s = check.monotonic_s;
+            let step = check.set_s.map(|set_s| ClockStep { set_s, at_s });
             clock.steps.extend(step);
         }
         let clock = clock.ok_or_else(|| nothing_in(path, "check of the clock"))?;

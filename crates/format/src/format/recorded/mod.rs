@@ -24,7 +24,7 @@ use crate::error::{Error, Location, Result};
 use crate::statistics::{median, quantile};
 use arrival::Arrivals;
 pub use arrival::Pieces;
-pub use clock::RecordingClock;
+pub use clock::{ClockStep, RecordingClock};
 use envelope::Line;
 pub use station::{StationRow, station_rows};
 

@@ -129,7 +129,8 @@ fn setting_the_system_clock_shifts_no_sensor_time() {
     rows += &set;
     let log = recording(folder.path(), |s| 5.0 + s, &rows);
     let recording = RecordingClock::read(&log.with_file_name(CLOCK_LOG)).unwrap();
-    assert_eq!(recording.steps, [(0.5, 100.0)]);
+    let (set_s, at_s) = (0.5, 100.0);
+    assert_eq!(recording.steps, [ClockStep { set_s, at_s }]);
     assert!(!recording.is_synchronised(BEGIN_S));
     let fixes = crate::format::read_heading(&log).unwrap();
     let steps = fixes.windows(2).map(|pair| pair[1].time_s - pair[0].time_s);
