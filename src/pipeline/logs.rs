@@ -8,8 +8,8 @@ use crate::feed::{Feed, log_clock};
 use crate::progress::Progress;
 use crate::project::Logs;
 use crate::sensor::{
-    Continued, HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, span_s,
-    start_between_s,
+    Continued, HeadingFix, ImuSample, PositionFix, Record, RejectedRow, Timed, on_both_sides,
+    span_s, start_between_s,
 };
 use crate::trajectory::MotionLogs;
 use crate::trajectory::TrajectorySettings;
@@ -112,10 +112,7 @@ fn start_with<T: Timed>(imu: &[ImuSample], name: &str, records: &mut [T], progre
     records
         .iter_mut()
         .for_each(|record| *record.time_s_mut() += shift_s);
-    progress.warn(&format!(
-        "{name}: the log and that of the IMU lie on both sides of the start of a day or week: {shift_s} s are added to \
-         its times"
-    ));
+    progress.warn(&format!("{name}: {}", on_both_sides(shift_s)));
 }
 
 fn report_rejected(name: &str, rows: &[RejectedRow], all: usize, progress: &dyn Progress) {

@@ -94,6 +94,7 @@ impl<'a> Feed<'a> {
         let input = &input.into();
         let mut fixes = format::read_heading(input)?;
         remark(input, times.continue_times(&mut fixes));
+        remark(input, times.remark_on_side());
         clock(&mut fixes);
         fixes.iter_mut().for_each(|fix| self.place_heading(fix));
         Ok(fixes)
@@ -116,6 +117,7 @@ impl<'a> Feed<'a> {
         let crs = self.project.crs.as_ref();
         let mut positions = format::read_projected_positions(input, &log.observations, crs)?;
         remark(input, times.continue_times(&mut positions.fixes));
+        remark(input, times.remark_on_side());
         let fixed_m = &self.logs.settings.positions[sensor].sigma_m;
         let qualities = &positions.qualities;
         let by_quality = log
@@ -152,7 +154,34 @@ impl<'a> Feed<'a> {
         }
     }
 
-    /// The names of the sensors whose times in a stream of lines started again, each with a sentence on it.
+    /// Puts the other sensors in a stream of lines on the side of midnight, or of the end of the week, on which the IMU is
+    /// at this time, seconds, and with them their records that `waiting` holds.
+    pub fn join(&self, times: &mut StreamTimes, imu_s: f64, waiting: &mut [Record]) {
+        let offset_s = self
+            .logs
+            .heading
+            .as_ref()
+            .map_or(0.0, |log| log.time_offset_s);
+        let heading_s = times.heading.join(imu_s - offset_s);
+        for record in &mut *waiting {
+            if let Record::Heading(fix) = record {
+                fix.time_s += heading_s;
+            }
+        }
+        for (sensor, times) in times.positions.iter_mut().enumerate() {
+            let shift_s = times.join(imu_s - self.logs.positions[sensor].time_offset_s);
+            for record in &mut *waiting {
+                if let Record::Position(of, fix) = record
+                    && *of == sensor
+                {
+                    fix.time_s += shift_s;
+                }
+            }
+        }
+    }
+
+    /// The names of the sensors whose times in a stream of lines started again, or are on the other side of a start than
+    /// those of the IMU, each with a sentence on it.
     pub fn remarks<'b>(
         &'b self,
         times: &'b StreamTimes,
@@ -161,7 +190,10 @@ impl<'a> Feed<'a> {
         let names = names.map(|sensor| sensor.name.as_str());
         let all = [("imu", &times.imu), ("heading", &times.heading)];
         let all = all.into_iter().chain(names.zip(&times.positions));
-        all.filter_map(|(name, times)| Some((name, times.remark()?)))
+        all.flat_map(|(name, times)| {
+            let remarks = [times.remark(), times.remark_on_side()];
+            remarks.into_iter().flatten().map(move |text| (name, text))
+        })
     }
 
     /// The record in a line of a stream of all sensors: `imu,time_s,gyro_x_rad_s,…,accel_z_m_s2`, the name of a

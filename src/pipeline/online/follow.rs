@@ -16,8 +16,13 @@ use crate::sensor::{Continued, Record};
 struct Remarks(BTreeSet<String>);
 
 impl Remarks {
-    fn warn(&mut self, name: &str, rows: &Input, progress: &dyn Progress) {
-        for remark in rows.remarks() {
+    fn warn(
+        &mut self,
+        name: &str,
+        remarks: impl IntoIterator<Item = String>,
+        progress: &dyn Progress,
+    ) {
+        for remark in remarks {
             let text = format!("{name}: {remark}");
             if self
                 .0
@@ -59,30 +64,57 @@ pub(super) fn follow(
             ));
         }
     }
-    let log = |sensor, name: &str, path| Log {
+    let log = |sensor, name: &str, path, offset_s| Log {
         sensor,
         name: name.to_owned(),
+        offset_s,
         table: GrowingTable::in_pieces(path, PIECE),
         times: Continued::default(),
         waiting: Vec::new(),
     };
-    let mut all = vec![log(Sensor::Imu, "imu", &logs.imu.path)];
-    all.extend(heading.map(|path| log(Sensor::Heading, "heading", path)));
+    let imu = &logs.imu;
+    let mut all = vec![log(Sensor::Imu, "imu", &imu.path, imu.time_offset_s)];
+    let heading = logs.heading.as_ref();
+    all.extend(heading.map(|of| log(Sensor::Heading, "heading", &of.path, of.time_offset_s)));
     for (sensor, position) in logs.positions.iter().enumerate() {
         let name = &logs.settings.positions[sensor].name;
-        all.push(log(Sensor::Position(sensor), name, &position.path));
+        let offset_s = position.time_offset_s;
+        all.push(log(
+            Sensor::Position(sensor),
+            name,
+            &position.path,
+            offset_s,
+        ));
     }
     let mut remarks = Remarks::default();
     let mut grown = Instant::now();
+    let mut imu_s = None;
     loop {
         for log in &mut all {
-            log.read(feed, &mut remarks, progress)?;
+            match (log.sensor, imu_s) {
+                (Sensor::Imu, _) => {
+                    log.read(feed, &mut remarks, progress)?;
+                    imu_s = log.last_s().or(imu_s);
+                }
+                (_, Some(imu_s)) => {
+                    log.join(imu_s);
+                    remarks.warn(&log.name, log.times.remark_on_side(), progress);
+                    log.read(feed, &mut remarks, progress)?;
+                }
+                (_, None) => {
+                    if log.read_on(feed, &mut remarks, progress)? {
+                        grown = Instant::now();
+                    }
+                }
+            }
         }
         // A log of which more is left to read may still have records up to its last time.
         let incomplete = all.iter().filter(|log| log.table.has_more());
         let until_s = incomplete
             .filter_map(Log::last_s)
             .fold(f64::INFINITY, f64::min);
+        // Before the IMU begins, it is open on which side of midnight the others are.
+        let until_s = imu_s.map_or(f64::NEG_INFINITY, |_| until_s);
         let mut new: Vec<Record> = all.iter_mut().flat_map(|log| log.take(until_s)).collect();
         if new.is_empty() {
             progress.check()?;
@@ -94,7 +126,8 @@ pub(super) fn follow(
                         table.path().display()
                     ));
                 }
-                return Ok(());
+                let mut rest = all.iter_mut().flat_map(|log| log.take(f64::INFINITY));
+                return rest.try_for_each(&mut add);
             }
             std::thread::sleep(POLL);
             continue;
@@ -117,6 +150,8 @@ enum Sensor {
 struct Log {
     sensor: Sensor,
     name: String,
+    /// Common time = time in the log + this, seconds.
+    offset_s: f64,
     table: GrowingTable,
     times: Continued,
     /// Records that wait for those of other logs.
@@ -131,15 +166,33 @@ impl Log {
         remarks: &mut Remarks,
         progress: &dyn Progress,
     ) -> Result<()> {
-        while self.waiting.is_empty() {
-            let Some(rows) = self.table.new_rows()? else {
-                return Ok(());
-            };
-            let records = self.records(feed, &rows, progress);
-            self.waiting = records.map_err(|error| self.table.locate(error))?;
-            remarks.warn(&self.name, &rows, progress);
-        }
+        while self.waiting.is_empty() && self.read_on(feed, remarks, progress)? {}
         Ok(())
+    }
+
+    /// Reads the next records to those that are waiting; returns whether the log has grown.
+    fn read_on(
+        &mut self,
+        feed: Feed<'_>,
+        remarks: &mut Remarks,
+        progress: &dyn Progress,
+    ) -> Result<bool> {
+        let Some(rows) = self.table.new_rows()? else {
+            return Ok(false);
+        };
+        let records = self.records(feed, &rows, progress);
+        let records = records.map_err(|error| self.table.locate(error))?;
+        self.waiting.extend(records);
+        remarks.warn(&self.name, rows.remarks(), progress);
+        Ok(true)
+    }
+
+    /// Puts the log on the side of midnight, or of the end of the week, on which that of the IMU is at this time, seconds.
+    fn join(&mut self, imu_s: f64) {
+        let shift_s = self.times.join(imu_s - self.offset_s);
+        for record in &mut self.waiting {
+            *record.time_s_mut() += shift_s;
+        }
     }
 
     /// The records in an excerpt of the log.

@@ -23,6 +23,8 @@ pub(super) fn read(
     mut add: impl FnMut(Record) -> Result<()>,
 ) -> Result<()> {
     let mut times = feed.stream_times();
+    // Before the IMU begins, it is open on which side of midnight the others are.
+    let (mut waiting, mut has_begun) = (Vec::new(), false);
     let mut line = Vec::new();
     let mut number = 0;
     loop {
@@ -33,6 +35,7 @@ pub(super) fn read(
             .read_until(b'\n', &mut line)
             .map_err(|error| Error::io("stdin", error))?;
         if read == 0 {
+            waiting.drain(..).try_for_each(&mut add)?;
             for (sensor, remark) in feed.remarks(&times) {
                 progress.warn(&format!("{sensor}: {remark}"));
             }
@@ -53,6 +56,16 @@ pub(super) fn read(
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
-        add(feed.line(text, &mut times, fail)?)?;
+        let record = feed.line(text, &mut times, fail)?;
+        if let Record::Imu(sample) = &record {
+            feed.join(&mut times, sample.time_s, &mut waiting);
+            waiting.drain(..).try_for_each(&mut add)?;
+            has_begun = true;
+        }
+        if has_begun {
+            add(record)?;
+        } else {
+            waiting.push(record);
+        }
     }
 }

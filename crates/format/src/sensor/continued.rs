@@ -17,6 +17,13 @@ pub struct Continued {
     added_s: f64,
     /// The last time, as written, before the first start.
     end_s: Option<f64>,
+    /// The first time, as written.
+    first_s: f64,
+    /// The time of another log near which the first time lies.
+    near_s: Option<f64>,
+    /// The part of `added_s` that puts the log on the side of a start on which the other one is; `None` before that is
+    /// known.
+    side_s: Option<f64>,
     /// Whether the next records may begin with those from the second of the last ones on.
     is_windowed: bool,
 }
@@ -27,6 +34,9 @@ impl Default for Continued {
             last_s: f64::NEG_INFINITY,
             added_s: 0.0,
             end_s: None,
+            first_s: f64::NEG_INFINITY,
+            near_s: None,
+            side_s: None,
             is_windowed: false,
         }
     }
@@ -61,11 +71,18 @@ impl Continued {
         let is_end =
             |time_s: f64, period_s: f64| (period_s - LONGEST_PAUSE_S..=period_s).contains(&time_s);
         let is_start = |time_s: f64| (0.0..LONGEST_PAUSE_S).contains(&time_s);
+        if self.is_empty() {
+            (self.first_s, self.last_s) = (time_s, time_s);
+            if let Some(near_s) = self.near_s {
+                self.settle(near_s);
+            }
+        }
+        let least_s = self.side_s.unwrap_or(0.0).min(0.0);
         for period_s in PERIODS_S {
             if is_start(time_s) && is_end(self.last_s, period_s) {
                 self.added_s += period_s;
                 self.end_s.get_or_insert(self.last_s);
-            } else if is_start(self.last_s) && is_end(time_s, period_s) && self.added_s > 0.0 {
+            } else if is_start(self.last_s) && is_end(time_s, period_s) && self.added_s > least_s {
                 // A record out of order, from before the clock started again.
                 self.added_s -= period_s;
             }
@@ -87,6 +104,34 @@ impl Continued {
         Ok(continued_s)
     }
 
+    /// Puts the log on the side of a start on which another log is at this time, once for all its times; returns what is
+    /// added to those that it has had, seconds. A log without times is settled by its first, beside the last time given
+    /// here.
+    pub fn join(&mut self, other_s: f64) -> f64 {
+        if self.is_empty() {
+            self.near_s = Some(other_s);
+            return 0.0;
+        }
+        match self.side_s {
+            Some(_) => 0.0,
+            None => self.settle(other_s),
+        }
+    }
+
+    fn settle(&mut self, other_s: f64) -> f64 {
+        let span_s = [self.first_s, self.last_s + self.added_s];
+        let shift_s = start_within_s(span_s, [other_s; 2], LONGEST_PAUSE_S);
+        self.added_s += shift_s;
+        self.side_s = Some(shift_s);
+        shift_s
+    }
+
+    /// A sentence on a log on the other side of a start than the one that it joined; `None` if both are on the same.
+    pub fn remark_on_side(&self) -> Option<String> {
+        let shift_s = self.side_s.filter(|shift_s| *shift_s != 0.0)?;
+        Some(on_both_sides(shift_s))
+    }
+
     /// A sentence on times that started again; `None` if none did.
     pub fn remark(&self) -> Option<String> {
         let end_s = self.end_s?;
@@ -102,10 +147,25 @@ impl Continued {
     }
 }
 
+/// A sentence on a log to whose times this is added, seconds, because that of the IMU lies on the other side of a start.
+pub fn on_both_sides(shift_s: f64) -> String {
+    format!(
+        "the log and that of the IMU lie on both sides of the start of a day or week: {shift_s} s are added to its \
+         times"
+    )
+}
+
 /// What to add to the times of a log from `first_s` to `last_s` so that they overlap `span_s`, if both are times of the
 /// day or of the week and one of them begins after the clock started again; 0 if they overlap as they are or not at all.
-pub fn start_between_s([first_s, last_s]: [f64; 2], span_s: [f64; 2]) -> f64 {
-    let overlaps = |shift_s: f64| first_s + shift_s < span_s[1] && last_s + shift_s > span_s[0];
+pub fn start_between_s(log_s: [f64; 2], span_s: [f64; 2]) -> f64 {
+    start_within_s(log_s, span_s, 0.0)
+}
+
+/// The same, where the log may also lie this far from the span, seconds.
+fn start_within_s([first_s, last_s]: [f64; 2], span_s: [f64; 2], apart_s: f64) -> f64 {
+    let overlaps = |shift_s: f64| {
+        first_s + shift_s < span_s[1] + apart_s && last_s + shift_s > span_s[0] - apart_s
+    };
     if overlaps(0.0) {
         return 0.0;
     }
@@ -113,7 +173,7 @@ pub fn start_between_s([first_s, last_s]: [f64; 2], span_s: [f64; 2]) -> f64 {
         let times_s = [first_s, last_s, span_s[0], span_s[1]];
         times_s
             .iter()
-            .all(|time_s| (0.0..2.0 * period_s).contains(time_s))
+            .all(|time_s| (-apart_s..2.0 * period_s).contains(time_s))
     };
     let shifts = PERIODS_S
         .into_iter()
@@ -192,6 +252,40 @@ mod tests {
         assert_eq!(start_between_s([604_750.0, 604_760.0], week_s), 0.0);
         assert_eq!(start_between_s([1000.0, 2000.0], week_s), 0.0);
         assert_eq!(start_between_s([1.7e9, 1.7e9 + 9.0], week_s), 0.0);
+    }
+
+    #[test]
+    fn a_log_joins_another_on_the_other_side_of_midnight() {
+        // It begins after midnight, the other one before.
+        let mut times = Continued::default();
+        assert_eq!(times.join(86_395.0), 0.0);
+        assert_eq!(times.join(86_405.0), 0.0);
+        let continued = [3.0, 86_399.9, 4.0].map(|time_s| times.at(time_s));
+        assert_eq!(continued, [86_403.0, 86_399.9, 86_404.0]);
+        assert!(times.remark_on_side().is_some());
+        // It begins before midnight and is continued, the other one after.
+        let mut times = Continued::default();
+        assert_eq!(
+            [86_390.0, 5.0].map(|time_s| times.at(time_s)),
+            [86_390.0, 86_405.0]
+        );
+        assert_eq!(times.join(6.0), -86_400.0);
+        let continued = [6.0, 86_399.9, 7.0].map(|time_s| times.at(time_s));
+        assert_eq!(continued, [6.0, 86_399.9 - 86_400.0, 7.0]);
+        // What is settled stays so.
+        assert_eq!(times.join(86_390.0), 0.0);
+        // Both on the same side, or of clocks that have nothing in common.
+        for (first_s, other_s) in [
+            (5.0, 6.0),
+            (86_390.0, 86_000.0),
+            (1.7e9, 5.0),
+            (40_000.0, 5.0),
+        ] {
+            let mut times = Continued::default();
+            times.join(other_s);
+            assert_eq!(times.at(first_s), first_s);
+            assert!(times.remark_on_side().is_none());
+        }
     }
 
     #[test]

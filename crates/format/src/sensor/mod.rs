@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Problem, Result};
 use crate::geometry::{Mat3, Vec3, WorldFromBody};
-pub use continued::{Continued, start_between_s};
+pub use continued::{Continued, on_both_sides, start_between_s};
 pub use frame_log::{FrameLog, MAX_FRAME_COLUMNS};
 pub use navigation::{GeographicPose, NavigationAngles, NavigationSigma};
 pub use order::longest_increasing;

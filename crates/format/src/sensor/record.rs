@@ -23,6 +23,15 @@ impl Record {
         }
     }
 
+    /// Seconds, to be changed.
+    pub fn time_s_mut(&mut self) -> &mut f64 {
+        match self {
+            Self::Imu(sample) => sample.time_s_mut(),
+            Self::Position(_, fix) => fix.time_s_mut(),
+            Self::Heading(fix) => fix.time_s_mut(),
+        }
+    }
+
     /// Order of records with equal times: the IMU first, so that the others need not wait for it.
     fn order(&self) -> usize {
         match self {
