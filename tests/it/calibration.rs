@@ -10,6 +10,7 @@ use crate::common::{files, simulated, write_files};
 use boresight::calibration::{Calibration, CalibrationSettings, Method};
 use boresight::geometry::euler::euler_deg_from_rotation;
 use boresight::geometry::{BodyFromScanner, EulerConvention, Vec3};
+use boresight::pipeline::OpenProject;
 use boresight::pipeline::stages::{self, EstimatedPoses};
 use boresight::progress::Silent;
 use boresight::project::Project;
@@ -173,7 +174,7 @@ fn without_a_reference_the_common_height_is_reported_and_held() {
 fn the_height_of_a_single_scanner_without_a_reference_is_held_too() {
     let (_temp, mut project) = tiny();
     project.scanners.truncate(1);
-    let poses = stages::poses(&project, &Silent).unwrap();
+    let poses = stages::poses(&OpenProject::new(&project), &Silent).unwrap();
     let mut calibration = calibrated(&project, &poses, &[]);
     assert_eq!(
         calibration.observability.unobservable[0].description,
@@ -200,8 +201,9 @@ fn fixed_parameters_stay_at_their_values() {
     for scanner in &mut project.scanners {
         scanner.fixed = [true, false, true, false, true, false];
     }
-    let poses = stages::poses(&project, &Silent).unwrap();
-    let reference = stages::reference(&project, &Silent).unwrap();
+    let open = OpenProject::new(&project);
+    let poses = stages::poses(&open, &Silent).unwrap();
+    let reference = stages::reference(&open, &Silent).unwrap();
     let calibration = calibrated(&project, &poses, &reference);
     for (scanner, before) in project.scanners.iter().enumerate() {
         let (a, b) = (
