@@ -6,13 +6,16 @@
 //! for a direction in which the mountings move without any neighbourhood getting thicker. Such a
 //! direction is held at its initial value: the sum of the parameters that it mainly moves, weighted
 //! by the direction, stays constant. Rotations are converted to metres by [`LEVER_M`].
+//!
+//! Along slides and turns over level ground, noise of the normals adds its square to the matrix, so that
+//! these shares are not small ([`Observability::beyond_noise`]). These directions are held too.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use super::cost::NormalEquations;
 use super::parameters::{Mounting, PARAMETER_NAMES, euler_jacobian_body, free_basis};
-use super::settings::{INITIAL_SIGMA_M, initial_sigma};
+use super::settings::{INITIAL_SIGMA, INITIAL_SIGMA_M};
 use crate::geometry::EulerConvention;
 
 /// Rotations are weighted by the shift they cause at this distance, metres: the working range of a
@@ -147,12 +150,12 @@ impl Observability {
     }
 
     /// Of the directions that noise of the normals hides, what is held at zero: its product with a change (δp, δφ) of all
-    /// mountings, in standard deviations of initial values.
+    /// mountings, in standard deviations of initial values as the joint adjustment has them.
     pub fn hidden(&self) -> Vec<DVector<f64>> {
         let hidden = self.unobservable.iter().filter(|held| held.is_hidden);
         let scaled = hidden.map(|UnobservableDirection { constraint, .. }| {
             let parts = constraint.iter().enumerate();
-            let squares = parts.map(|(row, x)| (x * initial_sigma(row)).powi(2));
+            let squares = parts.map(|(row, x)| (x * INITIAL_SIGMA[row % 6 / 3]).powi(2));
             constraint / squares.sum::<f64>().sqrt()
         });
         scaled.collect()
