@@ -103,7 +103,7 @@ impl Observability {
         }
     }
 
-    /// Also holds the directions along which noise of the normals makes more than [`NOISE_SHARE`] of the normal matrix H. With
+    /// Also holds the directions along which noise of the normals makes more than half of the normal matrix H. With
     /// the mean N of what it adds, these are v with N v = ν H v; H v·δ is held at zero, so that changes along them and
     /// along the others do not affect each other.
     pub fn beyond_noise(

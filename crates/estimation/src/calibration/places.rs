@@ -145,7 +145,7 @@ mod tests {
             equations.matrix.fill_with_identity();
             equations.matrix *= 1e6;
             equations.matrix[(0, 0)] *= f64::from(u8::from(index == 0));
-            equations.gradient[1] = if index % 2 == 0 { 30.0 } else { -30.0 };
+            equations.gradient[1] = if index.is_multiple_of(2) { 30.0 } else { -30.0 };
             equations
         };
         let places: Vec<NormalEquations> = (0..100).map(place).collect();
