@@ -11,7 +11,7 @@
 //! there by itself, as if it were sure. So in place of g_b stands what it amounts to for the estimate without this place
 //! (jackknife), which initial values with the information P hold where no other place sees:
 //!
-//!   H (H − H_b + P)⁻¹ (g_b − P δ)
+//!   H [(H − H_b + P)⁻¹ (g_b − P δ) + (H + P)⁻¹ P δ]
 //!
 //! with the normal matrices H of all and H_b of the place, and the change δ from initial values. S does not see what all
 //! places have in common, such as errors of the poses that last; the modelled covariance C does. So along each direction
@@ -84,10 +84,12 @@ pub fn contradictions(
     let back = initial.component_mul(change);
     let all = reduced(matrix);
     let count = places.len() as f64;
+    let with_prior = |matrix: &DMatrix<f64>| Cholesky::new(reduced(&(matrix + &prior)));
+    let pulled = with_prior(matrix)?.solve(&(basis.transpose() * &back));
     let contradiction = |place: &NormalEquations| {
-        let others = Cholesky::new(reduced(&(matrix - &place.matrix + &prior)))?;
+        let others = with_prior(&(matrix - &place.matrix))?;
         let without = others.solve(&(basis.transpose() * (&place.gradient - &back)));
-        Some(&all * without * ((count - 1.0) / count).sqrt())
+        Some(&all * (without + &pulled) * ((count - 1.0) / count).sqrt())
     };
     places.iter().map(contradiction).collect()
 }
