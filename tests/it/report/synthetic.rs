@@ -196,7 +196,7 @@ fn without_height(mut calibration: Calibration, initial: &[BodyFromScanner]) -> 
     }
     let direction = DVector::from_fn(12, |row, _| f64::from(u8::from(row % 6 == height)));
     calibration.observability.unobservable = vec![UnobservableDirection {
-        constraint: direction.clone(),
+        constraint: direction.normalize(),
         direction,
         is_hidden: false,
         share: 1e-6,

@@ -210,15 +210,14 @@ fn step(
     let so_far = change(initial, now);
     let ridge = DMatrix::from_diagonal(&(&equations.uncentred * HELD_SHARE));
     // In coordinates of the basis.
-    let change = |matrix: &DMatrix<f64>, gradient: &DVector<f64>| {
+    let estimate = |matrix: &DMatrix<f64>, gradient: &DVector<f64>| {
         let factor = (basis.transpose() * (matrix + &ridge) * &basis).cholesky()?;
         Some(factor.solve(&(basis.transpose() * (matrix * &so_far - gradient))))
     };
-    let best = change(&equations.matrix, &equations.gradient)?;
+    let best = estimate(&equations.matrix, &equations.gradient)?;
     let without = |block: &NormalEquations| {
         let matrix = &equations.matrix - &block.matrix;
-        let change = change(&matrix, &(&equations.gradient - &block.gradient))?;
-        Some(change - &best)
+        Some(estimate(&matrix, &(&equations.gradient - &block.gradient))? - &best)
     };
     let columns: Option<Vec<DVector<f64>>> = blocks.iter().map(without).collect();
     let spread = DMatrix::from_columns(&columns?);

@@ -174,10 +174,15 @@ pub fn calibrate(
         minimum,
         gap: Gap::test(&solved.state.surface),
         // Along what is held, mountings are as far off as initial values, and so are points over relief.
-        constancy: if solved.observability.hidden().is_empty() {
-            Constancy::test(&solved.state.surface, input.trajectory)
-        } else {
+        constancy: if solved
+            .observability
+            .unobservable
+            .iter()
+            .any(|held| held.is_hidden)
+        {
             None
+        } else {
+            Constancy::test(&solved.state.surface, input.trajectory)
         },
         mountings: solved.state.mountings,
         observability: solved.observability,
@@ -407,13 +412,7 @@ fn hold_unobservable_directions(
     initial: &[Mounting],
     state: State,
 ) -> Solved {
-    let solved = |state: State| Solved {
-        observability: problem.observability(&state),
-        state,
-        floor_m: problem.floor_m,
-        width_m: problem.width_m(),
-    };
-    let found = solved(state);
+    let found = problem.solved(state);
     let Solved {
         state,
         observability,
@@ -425,5 +424,5 @@ fn hold_unobservable_directions(
     let change = change(initial, &state.mountings);
     let mountings = parameters::moved(&state.mountings, &observability.restoring(&change));
     let surface = state.surface.moved(&parameters::poses(&mountings));
-    solved(problem.state(mountings, surface))
+    problem.solved(problem.state(mountings, surface))
 }

@@ -45,7 +45,7 @@ pub struct UnobservableDirection {
     pub description: String,
     /// The parameters concerned: (scanner, index into [`PARAMETER_NAMES`]).
     pub parameters: Vec<(usize, usize)>,
-    /// The product of this with a change (δp, δφ) of all mountings is held at zero.
+    /// Of unit length: the product of this with a change (δp, δφ) of all mountings is held at zero.
     pub constraint: DVector<f64>,
     /// Whether noise of the normals hides what the data say of it.
     pub is_hidden: bool,
@@ -142,7 +142,7 @@ impl Observability {
                 continue;
             };
             let mut held = UnobservableDirection::of(&direction, mountings, 0.0);
-            held.constraint = &equations.matrix * &direction;
+            held.constraint = (&equations.matrix * &direction).normalize();
             held.is_hidden = true;
             self.unobservable.push(held);
         }
@@ -171,8 +171,7 @@ impl Observability {
         // Null space of the constraints, by QR of the transpose.
         let constraints =
             DMatrix::from_fn(basis.ncols(), self.unobservable.len(), |column, row| {
-                let constraint = &self.unobservable[row].constraint;
-                constraint.dot(&basis.column(column)) / constraint.norm()
+                self.unobservable[row].constraint.dot(&basis.column(column))
             });
         basis * null_space(&constraints)
     }
@@ -181,13 +180,10 @@ impl Observability {
     pub fn restoring(&self, change: &DVector<f64>) -> DVector<f64> {
         let count = self.unobservable.len();
         let products = DMatrix::from_fn(count, count, |i, j| {
-            let [i, j] = [i, j].map(|i| &self.unobservable[i]);
-            i.constraint.dot(&j.direction) / i.constraint.norm()
+            let [held, moved] = [i, j].map(|i| &self.unobservable[i]);
+            held.constraint.dot(&moved.direction)
         });
-        let sums = DVector::from_fn(count, |i, _| {
-            let constraint = &self.unobservable[i].constraint;
-            constraint.dot(change) / constraint.norm()
-        });
+        let sums = DVector::from_fn(count, |i, _| self.unobservable[i].constraint.dot(change));
         let mut correction = DVector::zeros(change.len());
         // Singular if two directions move the same parameters alike: then neither is restored.
         if let Some(amounts) = products.lu().solve(&sums) {
@@ -207,7 +203,7 @@ impl UnobservableDirection {
         Self {
             share,
             description: describe(&direction, &parameters, mountings),
-            constraint: concerned(&direction, &parameters),
+            constraint: concerned(&direction, &parameters).normalize(),
             is_hidden: false,
             parameters,
             direction,

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::fmt;
 use std::sync::Arc;
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::cost::{NormalEquations, cost, noise_of_normals, normal_equations};
@@ -85,15 +86,28 @@ impl ScaleProblem {
         self.state(mountings, surface)
     }
 
-    /// What the data determine at a state. Over flat ground, noise of normals looks like information on slides, and steps
-    /// that follow it lead astray.
-    pub fn observability(&self, state: &State) -> Observability {
-        let noise = noise_of_normals(&state.surface, self.floor_m);
-        Observability::new(&state.equations, &state.mountings).beyond_noise(
-            &state.equations,
-            &noise,
-            &state.mountings,
-        )
+    /// A state with what the data determine there. Over flat ground, noise of normals looks like information on slides, and
+    /// steps that follow it lead astray.
+    pub fn solved(&self, state: State) -> Solved {
+        let State {
+            equations,
+            mountings,
+            surface,
+            ..
+        } = &state;
+        let noise_of_normals = noise_of_normals(surface, self.floor_m);
+        let observability = Observability::new(equations, mountings).beyond_noise(
+            equations,
+            &noise_of_normals,
+            mountings,
+        );
+        Solved {
+            observability,
+            noise_of_normals,
+            floor_m: self.floor_m,
+            width_m: self.width_m(),
+            state,
+        }
     }
 
     /// Whether some point lies farther apart with `there` than with `here`, at the median range, than initial values can be
@@ -148,6 +162,8 @@ pub struct Solved {
     pub state: State,
     /// What the data determine at the solution.
     pub observability: Observability,
+    /// What noise of normals adds to the normal matrix on average.
+    pub noise_of_normals: DMatrix<f64>,
     /// s of the cost, metres.
     pub floor_m: f64,
     /// Width of the neighbourhoods, metres.

@@ -67,6 +67,7 @@ pub(super) fn initial_sigma(row: usize) -> f64 {
         INITIAL_SIGMA_RAD
     }
 }
+
 /// Standard deviations of the initial position (metres) and rotation (radians) of a mounting along and about each axis,
 /// as observations of a joint adjustment: half of their largest errors, since all scanners may share one, as that of the
 /// measured position of the IMU.

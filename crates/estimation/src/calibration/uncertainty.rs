@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Cholesky, DMatrix, Matrix6x3, Vector6};
 use rayon::prelude::*;
 
-use super::cost::{derivative, noise_of_normals, weight};
+use super::cost::{derivative, weight};
 use super::input::{Input, PoseUncertainty};
 use super::parameters::change;
 use super::places;
@@ -263,8 +263,7 @@ impl<'a> PoseErrors<'a> {
 pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let state = &solved.state;
     let basis = solved.observability.determined(&state.mountings);
-    let noise = noise_of_normals(&state.surface, solved.floor_m);
-    let without = &state.equations.matrix - noise;
+    let without = &state.equations.matrix - &solved.noise_of_normals;
     let spread = &basis * Cholesky::new(basis.transpose() * without * &basis)?.inverse();
     let modelled = gradient_covariance(
         &state.surface,
@@ -423,12 +422,7 @@ mod tests {
             sigma: None,
         });
         let trajectory = Trajectory::new(nodes.to_vec()).expect("two nodes");
-        let solved = Solved {
-            observability: problem.observability(&state),
-            floor_m: problem.floor_m,
-            width_m: problem.width_m(),
-            state,
-        };
+        let solved = problem.solved(state);
         let covariance = covariance(&Input::new(mountings, &[], &trajectory), &solved);
         let held = solved.observability.unobservable.len();
         (held, covariance.expect("a positive definite matrix"))
