@@ -37,7 +37,7 @@ pub(super) fn on_other(drive: &str, findings: &LogFindings) -> Vec<Verdict> {
 }
 
 /// The axes of a sensor, and the coordinates of positions.
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 const COORDINATES: [&str; 3] = ["east", "north", "up"];
 
 /// The verdict on a contradiction in raw logs.

@@ -3,9 +3,8 @@
 
 use std::path::Path;
 
-use super::logs::time_scales;
+use super::logs::{AXES, time_scales};
 use crate::calibration::{Mounting, Reach};
-use crate::geometry::EulerConvention;
 use crate::number;
 use crate::preflight::{Misplaced, Mistake, Placed, View};
 use crate::results::FirstPlacement;
@@ -59,17 +58,12 @@ fn misplaced(placed: &Placed) -> Option<Verdict> {
 
 /// The code of a mistake, and the mistake in words that follow "Only 0.02 m remain".
 fn explanation(mistake: &Mistake) -> (&'static str, String) {
-    let axis_name = |axis: usize| ["x", "y", "z"][axis];
-    let named = |convention| match convention {
-        EulerConvention::Bonn => "bonn",
-        EulerConvention::Zyx => "zyx",
-    };
     match mistake {
         Mistake::InverseRotations { convention } => (
             "scanner.convention",
             format!(
                 "with the inverse rotations: write rotation_convention = \"{}\", or invert the quaternions.",
-                named(*convention)
+                convention.name()
             ),
         ),
         Mistake::QuaternionsWxyz => (
@@ -83,7 +77,7 @@ fn explanation(mistake: &Mistake) -> (&'static str, String) {
             "scanner.convention",
             format!(
                 "with the inverse rotation of scanner `{scanner}`: write rotation_convention = \"{}\" there.",
-                named(*convention)
+                convention.name()
             ),
         ),
         Mistake::Swapped([first, second]) => (
@@ -97,21 +91,21 @@ fn explanation(mistake: &Mistake) -> (&'static str, String) {
             "scanner.translation",
             format!(
                 "with the other sign of {} in the translation of scanner `{scanner}`.",
-                axis_name(*axis)
+                AXES[*axis]
             ),
         ),
         Mistake::HalfTurn { scanner, axis } => (
             "scanner.rotation",
             format!(
                 "with scanner `{scanner}` turned by 180° about its {} axis.",
-                axis_name(*axis)
+                AXES[*axis]
             ),
         ),
         Mistake::HalfTurns { axis } => (
             "scanner.rotation",
             format!(
                 "with all scanners turned by 180° about their {} axes.",
-                axis_name(*axis)
+                AXES[*axis]
             ),
         ),
         Mistake::TranslationSigns { with_y } => (
@@ -239,6 +233,7 @@ pub fn unusable_calibration(calibration: &Path) -> Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::EulerConvention;
     use crate::preflight::{Misfit, TimeScales};
 
     /// The verdict on clouds that a mistake places 0.8 m apart.
