@@ -16,7 +16,7 @@ pub(crate) mod observability;
 mod paper;
 pub(crate) mod parameters;
 mod patch;
-mod places;
+pub(crate) mod places;
 mod relative;
 mod result;
 mod sample;

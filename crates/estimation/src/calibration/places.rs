@@ -24,6 +24,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::cost::{NormalEquations, Sums, in_parts, weight};
 use super::settings::initial_sigma;
+use crate::geometry::Vec3;
 use crate::surface::Surface;
 
 /// Fewest places: several for each of the 24 parameters of four scanners.
@@ -32,34 +33,42 @@ const PLACES: usize = 64;
 /// A cell of a cubic grid.
 type Cell = [i64; 3];
 
-/// The normal equations of places as large as leaves at least [`PLACES`] of them, and at least `edge_m` wide.
-pub fn equations(surface: &Surface, floor_m: f64, edge_m: f64) -> Vec<NormalEquations> {
-    let cell = |index: usize, edge_m: f64| -> Cell {
-        let mean_m = surface.planes[index].mean_m;
-        [mean_m.x, mean_m.y, mean_m.z].map(|x| (x / edge_m).floor() as i64)
+/// The place of each point, by number: cubes as large as leaves at least [`PLACES`] of them, and at least `edge_m` wide.
+pub(crate) fn numbered(points_m: &[Vec3], edge_m: f64) -> Vec<usize> {
+    let cell =
+        |point: &Vec3| -> Cell { [point.x, point.y, point.z].map(|x| (x / edge_m).floor() as i64) };
+    let numbers = |cells: &[Cell]| -> BTreeMap<Cell, usize> {
+        let distinct: BTreeSet<Cell> = cells.iter().copied().collect();
+        distinct.into_iter().zip(0..).collect()
     };
-    let planes = 0..surface.planes.len();
-    let mut cells: BTreeSet<Cell> = planes.map(|index| cell(index, edge_m)).collect();
-    let mut edge_m = edge_m;
+    let mut cells: Vec<Cell> = points_m.iter().map(cell).collect();
+    let mut number = numbers(&cells);
     loop {
         let wider = cells.iter().map(|cell| cell.map(|x| x.div_euclid(2)));
-        let wider: BTreeSet<Cell> = wider.collect();
-        if wider.len() < PLACES || wider.len() == cells.len() {
-            break;
+        let wider: Vec<Cell> = wider.collect();
+        let number_of_wider = numbers(&wider);
+        if number_of_wider.len() < PLACES || number_of_wider.len() == number.len() {
+            return cells.iter().map(|cell| number[cell]).collect();
         }
-        (cells, edge_m) = (wider, 2.0 * edge_m);
+        (cells, number) = (wider, number_of_wider);
     }
-    let add = |places: &mut BTreeMap<Cell, Sums>, index: usize| {
-        let place = places.entry(cell(index, edge_m));
+}
+
+/// The normal equations of places at least `edge_m` wide.
+pub fn equations(surface: &Surface, floor_m: f64, edge_m: f64) -> Vec<NormalEquations> {
+    let means_m: Vec<Vec3> = surface.planes.iter().map(|plane| plane.mean_m).collect();
+    let place = numbered(&means_m, edge_m);
+    let add = |places: &mut BTreeMap<usize, Sums>, index: usize| {
+        let place = places.entry(place[index]);
         let plane = &surface.planes[index];
         let weight = weight(plane, floor_m, surface.neighbourhoods.k());
         let place = place.or_insert_with(|| Sums::new(surface.cloud.scanners));
         place.add(surface, index, &plane.normal, weight);
     };
-    let mut places = BTreeMap::<Cell, Vec<NormalEquations>>::new();
+    let mut places = BTreeMap::<usize, Vec<NormalEquations>>::new();
     for part in in_parts(surface, BTreeMap::new, add) {
-        for (cell, sums) in part {
-            places.entry(cell).or_default().push(sums.finish());
+        for (place, sums) in part {
+            places.entry(place).or_default().push(sums.finish());
         }
     }
     let size = 6 * surface.cloud.scanners;
@@ -94,25 +103,36 @@ pub fn contradictions(
     places.iter().map(contradiction).collect()
 }
 
-/// The modelled covariance of the gradient, or along each direction what the `gradients` of places say if it is larger
-/// beyond chance; `None` without places or if the modelled one is not positive definite.
-pub fn at_least(modelled: &DMatrix<f64>, gradients: &[DVector<f64>]) -> Option<DMatrix<f64>> {
+/// Vectors whose squares a modelled covariance lacks, since those of these vectors, one of each place, sum up to more along
+/// some directions, beyond what chance makes of so many places that see alike; `None` without places or if the modelled
+/// one is not positive definite.
+pub(crate) fn lacking(
+    modelled: &DMatrix<f64>,
+    of_places: &[DVector<f64>],
+    places: f64,
+) -> Option<Vec<DVector<f64>>> {
     let size = modelled.nrows();
-    if size == 0 || gradients.is_empty() {
+    if size == 0 || of_places.is_empty() {
         return None;
     }
     let factor = Cholesky::new(modelled.clone())?.unpack();
     let mut ratio = DMatrix::zeros(size, size);
-    for gradient in gradients {
-        let whitened = factor.solve_lower_triangular(gradient)?;
+    for vector in of_places {
+        let whitened = factor.solve_lower_triangular(vector)?;
         ratio.ger(1.0, &whitened, &whitened, 1.0);
     }
-    let chance = (1.0 + (size as f64 / gradients.len() as f64).sqrt()).powi(2);
-    let mut eigen = ratio.symmetric_eigen();
-    for value in eigen.eigenvalues.iter_mut() {
-        *value = if *value > chance { *value } else { 1.0 };
-    }
-    Some(&factor * eigen.recompose() * factor.transpose())
+    let chance = (1.0 + (size as f64 / places).sqrt()).powi(2);
+    let eigen = ratio.symmetric_eigen();
+    let directions = eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.column_iter());
+    let beyond = directions.filter(|(value, _)| **value > chance);
+    Some(
+        beyond
+            .map(|(value, q)| &factor * q * (value - 1.0).sqrt())
+            .collect(),
+    )
 }
 
 #[cfg(test)]
@@ -192,12 +212,16 @@ mod tests {
     fn contradictions_count_where_they_exceed_the_model_beyond_chance() {
         let modelled = DMatrix::from_diagonal(&DVector::from_vec(vec![4.0, 9.0]));
         // Two parameters and 128 places: eigenvalues up to 1.27 are chance.
-        let with = |sums| at_least(&modelled, &places(128, sums)).unwrap();
+        let with = |sums| -> DMatrix<f64> {
+            let lacking = lacking(&modelled, &places(128, sums), 128.0).unwrap();
+            let squares = lacking.iter().map(|vector| vector * vector.transpose());
+            squares.fold(modelled.clone(), |sum, square| sum + square)
+        };
         assert!((with([4.0 * 1.2, 0.1]) - &modelled).amax() < 1e-12);
         let larger = with([4.0 * 1.5, 0.1]);
         assert!((larger[(0, 0)] - 6.0).abs() < 1e-12 && (larger[(1, 1)] - 9.0).abs() < 1e-12);
         assert_eq!(
-            at_least(&DMatrix::zeros(2, 2), &places(128, [1.0, 1.0])),
+            lacking(&DMatrix::zeros(2, 2), &places(128, [1.0, 1.0]), 128.0),
             None
         );
     }

@@ -124,11 +124,12 @@ impl ScaleProblem {
         2.0 * (self.k as f64 / PI).sqrt() * self.voxel_m
     }
 
-    /// Whether half of a scanner's points share no neighbourhood with `there` that they had with `here`.
+    /// Whether half of a scanner's points have moved farther than neighbourhoods reach from their centres: what made clouds
+    /// agree with `here` says nothing about `there`.
     pub fn has_left(&self, here: &[Mounting], there: &[Mounting]) -> bool {
-        let width_m = self.width_m();
+        let reach_m = 0.5 * self.width_m();
         let moved_m = self.cloud.median_displacements(&poses(here), &poses(there));
-        moved_m.iter().any(|moved_m| *moved_m > width_m)
+        moved_m.iter().any(|moved_m| *moved_m > reach_m)
     }
 
     /// Builds the normal equations of a surface placed with `mountings`.
@@ -185,7 +186,7 @@ pub enum Ending {
     /// A coarse scale whose clouds agree.
     #[serde(rename = "aligned")]
     Aligned,
-    /// The clouds fit better only farther away than initial values can be wrong, or than neighbourhoods are wide, where they
+    /// The clouds fit better only farther away than initial values can be wrong, or than neighbourhoods reach, where they
     /// have separated or lost their relief: the mountings stay as the scale began. The finest scale has then not reached its
     /// minimum.
     #[serde(rename = "kept at the start: fits better only far away")]
@@ -263,9 +264,9 @@ mod tests {
         assert!(flat_m < 1e-9 && (1e-5..3e-3).contains(&hills_m));
     }
 
-    /// Discs of 20 voxels of 0.5 m are 2.52 m wide.
+    /// Discs of 20 voxels of 0.5 m reach 1.26 m from their centres.
     #[test]
-    fn points_leave_their_neighbourhoods_beyond_the_width_of_these() {
+    fn points_leave_their_neighbourhoods_beyond_the_reach_of_these() {
         let (cloud, here) = case();
         let problem = problem(cloud);
         let shifted = |shift_m: f64| {
@@ -274,7 +275,7 @@ mod tests {
             *pose = pose.perturbed(&Vec3::zeros(), &(Vec3::y() * shift_m));
             problem.has_left(&here, &there)
         };
-        assert!(!shifted(2.5) && shifted(2.55));
+        assert!(!shifted(1.25) && shifted(1.27));
         // A turn about the points moves them little, however far it moves the scanner.
         let mut there = here.clone();
         let pose = &mut there[0].body_from_scanner;

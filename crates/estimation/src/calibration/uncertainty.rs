@@ -275,8 +275,12 @@ pub fn covariance(input: &Input<'_>, solved: &Solved) -> Option<DMatrix<f64>> {
     let places = places::equations(&state.surface, solved.floor_m, solved.width_m);
     let change = change(&input.mountings, &state.mountings);
     let contradictions = places::contradictions(&places, &state.equations.matrix, &basis, &change);
-    let gradient = contradictions.and_then(|all| places::at_least(&modelled, &all));
-    let gradient = gradient.unwrap_or(modelled);
+    let lacking =
+        contradictions.and_then(|all| places::lacking(&modelled, &all, places.len() as f64));
+    let mut gradient = modelled;
+    for vector in lacking.into_iter().flatten() {
+        gradient += &vector * vector.transpose();
+    }
     let covariance = &spread * gradient * spread.transpose();
     Some((&covariance + covariance.transpose()) * 0.5)
 }

@@ -28,6 +28,7 @@ impl<'a> Covariance<'a> {
         let mut changes: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
         changes.extend(problem.sides_of_held(state));
         changes.extend(problem.sides_of_slopes(state));
+        changes.extend(problem.sides_of_places(state));
         Some(Self {
             problem,
             inverse: factor.selected_inverse(|block| !surface.contains(&block)),

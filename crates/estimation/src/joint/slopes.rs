@@ -6,19 +6,21 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use super::followed::Followed;
 use super::problem::JointProblem;
 use super::state::State;
-use crate::calibration::INITIAL_SIGMA;
 use crate::geometry::{Mat3, Vec3};
 
 /// A row of a surfel, of scans or of the reference.
-struct SurfelRow {
-    surfel: usize,
-    weight: f64,
+pub(super) struct SurfelRow {
+    pub surfel: usize,
+    pub weight: f64,
+    /// Standard deviations.
+    pub residual: f64,
     /// Derivatives by (a, b, c).
-    by_shape: Vec3,
+    pub by_shape: Vec3,
     /// Derivatives along changes of all unknowns but the surfel's.
-    along: DVector<f64>,
+    pub along: DVector<f64>,
 }
 
 impl JointProblem<'_> {
@@ -30,38 +32,15 @@ impl JointProblem<'_> {
     /// gradient of variance 1, the variance is 1/(1 − μ)² times that of the normal equations (Fuller 1987, Measurement
     /// Error Models, section 1.3). Along each direction it is at most that of the initial values.
     pub fn sides_of_slopes(&self, state: &State) -> Vec<Vec<f64>> {
-        let Some(factor) = self.factor() else {
+        let Some(mountings) = Followed::of(self, state) else {
             return Vec::new();
         };
-        // The mountings are the last unknowns.
-        let (first, size) = (
-            self.offset(self.layout.mountings[0]),
-            6 * state.mountings.len(),
-        );
-        let mut changes = DMatrix::zeros(self.unknowns(), size);
-        changes.rows_mut(first, size).fill_with_identity();
-        factor.solve(changes.as_mut_slice(), size);
-        let Some(covariance) = changes.rows(first, size).into_owned().cholesky() else {
-            return Vec::new();
-        };
-        let l = covariance.l();
-        let Some(whitened) = l.tr_solve_lower_triangular(&DMatrix::identity(size, size)) else {
-            return Vec::new();
-        };
-        let changes = changes * whitened;
-        let eigen = SymmetricEigen::new(self.noise_of_slopes(state, &changes));
-        let [shift_m, turn_rad] = INITIAL_SIGMA;
-        let sigmas = [[turn_rad; 3], [shift_m; 3]].concat();
+        let eigen = SymmetricEigen::new(self.noise_of_slopes(state, &mountings.changes));
         let directions = eigen.eigenvectors.column_iter();
         let shares = eigen.eigenvalues.iter().zip(directions);
         let sides = shares.filter_map(|(share, q)| {
-            let along = &l * q;
-            let initial = along.iter().zip(sigmas.iter().cycle());
-            let initial: f64 = initial.map(|(x, sigma)| (x / sigma).powi(2)).sum();
-            let left = (1.0 - share).max(initial.sqrt());
-            let lacking = left.powi(-2) - 1.0;
-            let side = || (&changes * (q * lacking.sqrt())).as_slice().to_vec();
-            (lacking > 0.0).then(side)
+            let left = (1.0 - share).max(mountings.of_initial(&q.into_owned()));
+            mountings.side(&q.into_owned(), left.powi(-2))
         });
         sides.collect()
     }
@@ -124,7 +103,7 @@ impl JointProblem<'_> {
     }
 
     /// The rows that touch a surfel, but for what is assumed about it.
-    fn rows_of_surfels(&self, state: &State, changes: &DMatrix<f64>) -> Vec<SurfelRow> {
+    pub(super) fn rows_of_surfels(&self, state: &State, changes: &DMatrix<f64>) -> Vec<SurfelRow> {
         let first = self.offset(self.layout.first_surfel);
         let surfels = first..first + 3 * self.association.surfels.len();
         let (mut rows, mut places) = (Vec::new(), Vec::new());
@@ -149,6 +128,7 @@ impl JointProblem<'_> {
                 rows.extend(surfel.map(|surfel| SurfelRow {
                     surfel,
                     weight: row.weight,
+                    residual: row.residual,
                     by_shape,
                     along,
                 }));

@@ -9,6 +9,7 @@ mod gauss_markov;
 mod grid;
 mod jacobians;
 mod known;
+mod places;
 mod pose_errors;
 mod reference;
 mod relief;

@@ -101,3 +101,9 @@ pub fn assert_near(name: &str, score: Score, (value, sigma): (f64, f64)) {
     assert!((score.sigma / sigma - 1.0).abs() < 1e-3, "{name}");
     assert!((score.value - value).abs() < 1e-2 * sigma, "{name}");
 }
+
+/// Checks that a matrix is the identity up to rounding in a factorisation.
+pub fn assert_identity(name: &str, matrix: &DMatrix<f64>) {
+    let off = matrix - DMatrix::identity(matrix.nrows(), matrix.ncols());
+    assert!(off.amax() < 1e-6, "{name}: {:e}", off.amax());
+}
