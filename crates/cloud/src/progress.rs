@@ -87,9 +87,8 @@ impl Drop for Stage<'_> {
 
 /// Progress of an iteration that ends when it has converged: its steps become units of a stage.
 ///
-/// The expected number of steps covers the share [`Steps::EXPECTED`] of the units. Each further step covers a
-/// fraction of the remaining units, so that the stage keeps advancing but reaches its end only when the iteration
-/// does.
+/// The expected number of steps covers the share [`Steps::EXPECTED`] of the units. Further steps cover less and less of
+/// the remaining units, so that the stage keeps advancing but reaches its end only when the iteration does.
 pub struct Steps<'a> {
     progress: &'a dyn Progress,
     expected: u64,
@@ -126,8 +125,8 @@ impl<'a> Steps<'a> {
             return Self::EXPECTED * ratio;
         }
         let left = 1.0 - Self::EXPECTED;
-        // The rate is continuous at the expected number of steps.
-        1.0 - left * (-(ratio - 1.0) * Self::EXPECTED / left).exp()
+        // An iteration that has taken several times as many is likely to take many more.
+        1.0 - left / ratio.sqrt()
     }
 }
 

@@ -28,7 +28,7 @@ pub fn adjust(
     progress: &dyn Progress,
 ) -> Result<Joint> {
     let _stage = progress.stage("joint adjustment", PROGRESS_UNITS);
-    let progress = &Steps::new(progress, STEPS, PROGRESS_UNITS);
+    let first_steps = Steps::new(progress, STEPS, PROGRESS_UNITS);
     // A known compliance is not questioned.
     let least = match input.compliance {
         [] => settings.mounting.least,
@@ -37,6 +37,12 @@ pub fn adjust(
     let most = highest(input, settings).max(least);
     let mut sorted = None;
     let mut at = |input: &JointInput<'_>, rung: Rung, may_climb: bool| {
+        // Higher rungs take as long again, and more.
+        let stage = format!("{} mountings", rung.name());
+        let has_climbed = rung > least;
+        let _stage = has_climbed.then(|| progress.stage(&stage, PROGRESS_UNITS));
+        let of_rung = has_climbed.then(|| Steps::new(progress, STEPS, PROGRESS_UNITS));
+        let steps = of_rung.as_ref().unwrap_or(&first_steps);
         at_rung(
             input,
             settings,
@@ -44,7 +50,7 @@ pub fn adjust(
             rung,
             may_climb,
             &mut sorted,
-            progress,
+            steps,
         )
     };
     let (mut rung, mut ladder): (Rung, Vec<Climb>) = (least, Vec::new());
