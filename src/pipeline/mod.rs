@@ -23,6 +23,7 @@ mod inputs;
 mod job;
 pub mod joint;
 mod joint_input;
+mod joint_starts;
 mod kept;
 mod kept_page;
 mod keys;

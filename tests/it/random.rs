@@ -28,6 +28,13 @@ fn a_tiny_drive_without_boards_is_right_or_says_that_it_is_not() {
     assert_right_or_said(&[1]);
 }
 
+/// From the result of two steps the joint adjustment is refused, or there is none; from the initial values it holds.
+#[test]
+#[ignore = "just acceptance"]
+fn tiny_drives_that_two_steps_lead_astray_are_adjusted_from_the_initial_values() {
+    assert_right_or_said(&[2, 13, 15]);
+}
+
 fn assert_right_or_said(seeds: &[u64]) {
     for &seed in seeds {
         let folder = tempfile::tempdir().unwrap();

@@ -137,9 +137,9 @@ pub fn calibrate(
     drop(stage);
     // The covariance takes about as long as the search for other minima.
     let _stage = progress.stage("uncertainty", 2 * Minimum::STEPS);
-    let is_reached = scales
-        .last()
-        .is_some_and(|scale| scale.ending.is_converged() && !scale.ending.is_kept());
+    let finest = scales.last().map(|scale| scale.ending);
+    let is_kept = finest.is_some_and(Ending::is_kept);
+    let is_reached = !is_kept && finest.is_some_and(Ending::is_converged);
     let has_covariance = settings.method != Method::Paper && is_reached;
     let covariance = has_covariance.then(|| uncertainty::covariance(input, &solved));
     let covariance = covariance.flatten();
@@ -165,6 +165,8 @@ pub fn calibrate(
         }
     };
     let is_doubtful = minimum.as_ref().is_some_and(Minimum::is_doubtful);
+    let mut held = solved.observability.unobservable.iter();
+    let is_held = held.any(|held| held.is_hidden);
     Ok(Calibration {
         method: settings.method,
         converged: is_reached && scales.iter().all(|scale| scale.ending.is_converged()),
@@ -172,18 +174,13 @@ pub fn calibrate(
         covariance: covariance.filter(|_| !is_doubtful),
         origin_sigma_m: 0.0,
         minimum,
-        gap: Gap::test(&solved.state.surface),
-        // Along what is held, mountings are as far off as initial values, and so are points over relief.
-        constancy: if solved
-            .observability
-            .unobservable
-            .iter()
-            .any(|held| held.is_hidden)
-        {
-            None
-        } else {
-            Constancy::test(&solved.state.surface, input.trajectory)
-        },
+        // Mountings that are off let points over relief look as if something moved.
+        gap: (!is_kept)
+            .then(|| Gap::test(&solved.state.surface))
+            .flatten(),
+        constancy: (!is_kept && !is_held)
+            .then(|| Constancy::test(&solved.state.surface, input.trajectory))
+            .flatten(),
         mountings: solved.state.mountings,
         observability: solved.observability,
         scales,

@@ -56,6 +56,6 @@ pub use result::{
     known_m,
 };
 pub use score::{RangeScore, Score};
-pub use second_start::consider_start;
+pub use second_start::{consider_start, is_weak};
 pub use settings::{JointSettings, MountingMotion, ReferenceSigma};
 pub use surfel::Region;

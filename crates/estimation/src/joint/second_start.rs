@@ -25,8 +25,15 @@ const WEAK_SHARE: f64 = 0.01;
 /// The variance relative to that of initial values where drives say as much as these.
 const EVEN_SHARE: f64 = 0.5;
 
-fn is_weak(variance: f64) -> bool {
+fn is_weakly_known(variance: f64) -> bool {
     (WEAK_SHARE..EVEN_SHARE).contains(&variance)
+}
+
+/// Whether drives determine a direction of the mountings only weakly.
+pub fn is_weak(joint: &Joint) -> bool {
+    let directions = Directions::of(&joint.covariance);
+    let mut variances = directions.variances().iter();
+    variances.any(|variance| is_weakly_known(*variance))
 }
 
 /// Variance to add along a direction in which the share `left` of any start remains; 1 is the variance of initial
@@ -58,7 +65,11 @@ pub fn consider_start(
     let to_initial = change(&joint.mountings, input.initial);
     let displaced = DVector::from_fn(count, |k, _| {
         let side = -directions.along(k, &to_initial).signum();
-        if is_weak(variances[k]) { side } else { 0.0 }
+        if is_weakly_known(variances[k]) {
+            side
+        } else {
+            0.0
+        }
     });
     if displaced.amax() == 0.0 {
         return Ok(());
@@ -140,7 +151,7 @@ mod tests {
         };
         let directions = Directions::of(&of(0.25));
         let variances = directions.variances();
-        let weak: Vec<usize> = (0..12).filter(|&k| is_weak(variances[k])).collect();
+        let weak: Vec<usize> = (0..12).filter(|&k| is_weakly_known(variances[k])).collect();
         let [weak] = weak[..] else {
             panic!("{weak:?}");
         };
