@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::followed::Followed;
 use super::problem::JointProblem;
 use super::row::Row;
 use super::slow::SlowMotions;
@@ -27,8 +28,10 @@ impl<'a> Covariance<'a> {
         let factor = problem.factor()?;
         let mut changes: Vec<Vec<f64>> = problem.side_of_height().into_iter().collect();
         changes.extend(problem.sides_of_held(state));
-        changes.extend(problem.sides_of_slopes(state));
-        changes.extend(problem.sides_of_places(state));
+        if let Some(mountings) = Followed::of(problem, state) {
+            changes.extend(problem.sides_of_slopes(state, &mountings));
+            changes.extend(problem.sides_of_places(state, &mountings));
+        }
         Some(Self {
             problem,
             inverse: factor.selected_inverse(|block| !surface.contains(&block)),

@@ -27,10 +27,7 @@ pub(super) struct Place {
 impl JointProblem<'_> {
     /// Changes of all unknowns whose squares the covariance lacks because places contradict each other beyond chance. Along
     /// each direction of the mountings, the variance is at most that of initial values.
-    pub fn sides_of_places(&self, state: &State) -> Vec<Vec<f64>> {
-        let Some(mountings) = Followed::of(self, state) else {
-            return Vec::new();
-        };
+    pub fn sides_of_places(&self, state: &State, mountings: &Followed) -> Vec<Vec<f64>> {
         let places = self.places_along(state, &mountings.changes);
         let lacking = contradictions(&places, mountings.changes.ncols());
         let sides = lacking.into_iter().flatten();

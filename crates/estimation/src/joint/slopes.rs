@@ -31,10 +31,7 @@ impl JointProblem<'_> {
     /// ([`Self::noise_of_slopes`]), which does not hold the mountings, but moves them: with the information 1 − μ and a
     /// gradient of variance 1, the variance is 1/(1 − μ)² times that of the normal equations (Fuller 1987, Measurement
     /// Error Models, section 1.3). Along each direction it is at most that of the initial values.
-    pub fn sides_of_slopes(&self, state: &State) -> Vec<Vec<f64>> {
-        let Some(mountings) = Followed::of(self, state) else {
-            return Vec::new();
-        };
+    pub fn sides_of_slopes(&self, state: &State, mountings: &Followed) -> Vec<Vec<f64>> {
         let eigen = SymmetricEigen::new(self.noise_of_slopes(state, &mountings.changes));
         let directions = eigen.eigenvectors.column_iter();
         let shares = eigen.eigenvalues.iter().zip(directions);

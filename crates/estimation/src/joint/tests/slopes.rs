@@ -8,6 +8,7 @@ use super::rows::inverse;
 use crate::calibration::INITIAL_SIGMA;
 use crate::geometry::Vec3;
 use crate::geometry::so3::exp;
+use crate::joint::followed::Followed;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
 
@@ -145,7 +146,8 @@ fn variances(factor: f64) -> (f64, f64) {
     let covariance = inverse(&Dense::new(&problem, &state).h());
     let covariance = covariance.view((first, first), (size, size)).into_owned();
     let mut with_noise = covariance.clone();
-    for side in problem.sides_of_slopes(&state) {
+    let mountings = Followed::of(&problem, &state).expect("positive definite");
+    for side in problem.sides_of_slopes(&state, &mountings) {
         let side = DVector::from_column_slice(&side[first..]);
         with_noise += &side * side.transpose();
     }
