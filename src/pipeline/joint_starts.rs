@@ -20,11 +20,15 @@ const LEAST_LATENCY_S: f64 = 0.002;
 /// Initial values are farther off than this in one of a thousand mountings, standard normal distribution.
 const INITIAL_Z: f64 = 3.09;
 
+/// One adjustment of an input, without the search for where it starts.
+type Adjust<'a> = dyn Fn(&JointInput<'_>) -> Result<Joint> + 'a;
+
 /// Adjusts from the result of two steps; if it is one of several minima, from where these began too.
 ///
 /// If two steps have no result, the adjustment starts where they began. If it is refused from their result, or determines
 /// the mountings weakly, it is repeated from there. Of two adjustments that hold, the second counts if it ends farther from
-/// the first than the standard deviations of the first allow.
+/// the first than the standard deviations of the first allow. Afterwards the input has the start and the latencies of the
+/// adjustment that counts.
 ///
 /// # Errors
 /// Those of [`adjust`]; two minima from which adjustments end apart ([`Problem::NotDetermined`]).
@@ -35,43 +39,165 @@ pub fn adjusted(
     calibration_drive: &Drive<'_>,
     progress: &dyn Progress,
 ) -> Result<(Joint, Vec<LateScanner>)> {
-    if is_ambiguous(two_steps) {
-        return from_both(input, begin, calibration_drive, progress);
-    }
-    let finest = two_steps.scales.last();
-    if finest.is_some_and(|scale| scale.ending.is_kept()) {
-        progress.say("two steps have no result: adjusting from the initial values");
-        input.mountings = begin.to_vec();
-        return with_late_scanners(input, calibration_drive, progress);
-    }
-    let initial = input.initial;
-    let holds = |joint: &Joint| {
-        let beyond = beyond_initial_values(initial, &two_steps.mountings, &joint.mountings);
-        !is_doubtful(joint) && beyond.is_none()
+    let project = calibration_drive.project;
+    let surfel_m = surfel_m(calibration_drive);
+    let starts = Starts {
+        begin,
+        two_steps,
+        stated_latency: input.estimate_latency.clone(),
+        adjust: &|input| adjust(input, &project.joint, surfel_m, progress),
+        progress,
     };
-    let first = with_late_scanners(input, calibration_drive, progress);
-    match &first {
-        Err(Error::Cancelled) => return first,
-        Ok((joint, _)) if holds(joint) && !is_weak(joint) => return first,
-        _ => {}
+    let joint = starts.adjusted(input)?;
+    let freed = input.estimate_latency.iter().zip(&starts.stated_latency);
+    let late: Vec<LateScanner> = project
+        .scanners
+        .iter()
+        .zip(freed)
+        .zip(&joint.late_s)
+        .filter(|((_, (freed, stated)), _)| freed != stated)
+        .filter_map(|((scanner, _), latency)| {
+            let (value, sigma) = (*latency)?;
+            Some(LateScanner {
+                name: scanner.name.clone(),
+                late: Score { value, sigma },
+                time_offset_s: scanner.time_offset_s,
+            })
+        })
+        .collect();
+    late.iter()
+        .for_each(|scanner| progress.verdict(&judgement::late_scanner(scanner).text));
+    Ok((joint, late))
+}
+
+/// The starts of one joint adjustment.
+struct Starts<'a> {
+    /// Where two steps began.
+    begin: &'a [Mounting],
+    two_steps: &'a Calibration,
+    /// Whether the project asks for the latency of each scanner.
+    stated_latency: Vec<bool>,
+    adjust: &'a Adjust<'a>,
+    progress: &'a dyn Progress,
+}
+
+/// An adjustment, with the part of its input that differs between starts.
+struct Attempt {
+    joint: Joint,
+    start: Vec<Mounting>,
+    estimate_latency: Vec<bool>,
+}
+
+impl Starts<'_> {
+    /// See [`adjusted`].
+    fn adjusted(&self, input: &mut JointInput<'_>) -> Result<Joint> {
+        let counting = if is_ambiguous(self.two_steps) {
+            self.from_both(input)
+        } else {
+            self.from_best(input)
+        };
+        let (start, estimate_latency) = match &counting {
+            Ok(attempt) => (&attempt.start, &attempt.estimate_latency),
+            Err(_) => (&self.two_steps.mountings, &self.stated_latency),
+        };
+        input.mountings.clone_from(start);
+        input.estimate_latency.clone_from(estimate_latency);
+        Ok(counting?.joint)
     }
-    progress.say("the result is in doubt: adjusting again from the initial values");
-    let start = std::mem::replace(&mut input.mountings, begin.to_vec());
-    let second = unless_cancelled(with_late_scanners(input, calibration_drive, progress))?;
-    let Some(second) = second.filter(|(joint, _)| holds(joint)) else {
-        input.mountings = start;
-        return first;
-    };
-    match first {
-        Ok((joint, late)) if holds(&joint) => {
-            let apart = change(&joint.mountings, &second.0.mountings);
-            if is_within(&apart, &joint.covariance) {
-                input.mountings = start;
-                return Ok((joint, late));
-            }
-            Ok(second)
+
+    /// Adjusts from the result of two steps and, where that is in doubt, from where they began.
+    fn from_best(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
+        let finest = self.two_steps.scales.last();
+        if finest.is_some_and(|scale| scale.ending.is_kept()) {
+            self.progress
+                .say("two steps have no result: adjusting from the initial values");
+            return self.attempt(self.begin, input);
         }
-        _ => Ok(second),
+        let initial = input.initial;
+        let holds = |joint: &Joint| {
+            let two_steps = &self.two_steps.mountings;
+            let beyond = beyond_initial_values(initial, two_steps, &joint.mountings);
+            !is_doubtful(joint) && beyond.is_none()
+        };
+        let first = self.attempt(&self.two_steps.mountings, input);
+        match &first {
+            Err(Error::Cancelled) => return first,
+            Ok(Attempt { joint, .. }) if holds(joint) && !is_weak(joint) => return first,
+            _ => {}
+        }
+        self.progress
+            .say("the result is in doubt: adjusting again from the initial values");
+        let second = unless_cancelled(self.attempt(self.begin, input))?;
+        let Some(second) = second.filter(|attempt| holds(&attempt.joint)) else {
+            return first;
+        };
+        match first {
+            Ok(first) if holds(&first.joint) => {
+                let apart = change(&first.joint.mountings, &second.joint.mountings);
+                let agree = is_within(&apart, &first.joint.covariance);
+                Ok(if agree { first } else { second })
+            }
+            _ => Ok(second),
+        }
+    }
+
+    /// Adjusts from these mountings; if the scans contradict the latencies of scanners, adjusts again and estimates these
+    /// latencies. They are held by default, because estimating a latency costs tx a third of its accuracy.
+    fn attempt(&self, start: &[Mounting], input: &mut JointInput<'_>) -> Result<Attempt> {
+        input.mountings = start.to_vec();
+        input.estimate_latency.clone_from(&self.stated_latency);
+        let joint = (self.adjust)(input)?;
+        let is_late = |score: &Option<Score>| {
+            score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
+        };
+        let late: Vec<bool> = joint.late_scores.iter().map(is_late).collect();
+        let held = Attempt {
+            joint,
+            start: start.to_vec(),
+            estimate_latency: self.stated_latency.clone(),
+        };
+        if !late.contains(&true) {
+            return Ok(held);
+        }
+        let estimated = input.estimate_latency.iter_mut().zip(&late);
+        estimated.for_each(|(estimate, late)| *estimate |= late);
+        let freed = unless_cancelled((self.adjust)(input))?.map(|joint| Attempt {
+            joint,
+            start: start.to_vec(),
+            estimate_latency: input.estimate_latency.clone(),
+        });
+        // Some adjustments succeed only with latencies held.
+        Ok(freed.unwrap_or(held))
+    }
+
+    /// Adjusts from where two steps began and, if that holds, from their result, which is one of several minima: only if
+    /// both end at the same mountings is it known which they are. An adjustment from the first alone that is doubtful is
+    /// returned as it is.
+    ///
+    /// # Errors
+    /// Those of [`adjust`]; the two end apart ([`Problem::NotDetermined`]).
+    fn from_both(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
+        self.progress.say(
+            "two steps have several minima: adjusting from the initial values and from two steps",
+        );
+        let first = self.attempt(self.begin, input)?;
+        if is_doubtful(&first.joint) {
+            return Ok(first);
+        }
+        let other = unless_cancelled(self.attempt(&self.two_steps.mountings, input))?;
+        let agrees = |other: &Attempt| {
+            let apart = change(&first.joint.mountings, &other.joint.mountings);
+            !is_doubtful(&other.joint) && is_within(&apart, &first.joint.covariance)
+        };
+        if other.as_ref().is_some_and(agrees) {
+            return Ok(first);
+        }
+        Err(Error::of(
+            Problem::NotDetermined,
+            "the calibration in two steps has another minimum that fits as well, and from there the joint adjustment does \
+             not end at the same mountings as from the initial values",
+            "drive over planes in more directions, give a reference, or start nearer",
+        ))
     }
 }
 
@@ -120,93 +246,140 @@ pub fn not_converged(joint: &Joint) -> Option<String> {
     (!joint.stop.is_converged()).then(|| format!("it did not converge in {iterations} iterations"))
 }
 
-/// Adjusts; if the scans contradict the latencies of scanners, adjusts again and estimates these latencies. They are
-/// held by default, because estimating a latency costs tx a third of its accuracy.
-fn with_late_scanners(
-    input: &mut JointInput<'_>,
-    calibration_drive: &Drive<'_>,
-    progress: &dyn Progress,
-) -> Result<(Joint, Vec<LateScanner>)> {
-    let (settings, surfel_m) = (
-        &calibration_drive.project.joint,
-        surfel_m(calibration_drive),
-    );
-    let joint = adjust(input, settings, surfel_m, progress)?;
-    let is_late = |score: &Option<Score>| {
-        score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
-    };
-    let late: Vec<bool> = joint.late_scores.iter().map(is_late).collect();
-    if !late.contains(&true) {
-        return Ok((joint, Vec::new()));
-    }
-    let estimated = input.estimate_latency.iter_mut().zip(&late);
-    estimated.for_each(|(estimate, late)| *estimate |= late);
-    let freed = unless_cancelled(adjust(input, settings, surfel_m, progress))?;
-    let Some(joint) = freed else {
-        // The adjustment succeeds only with latencies held.
-        return Ok((joint, Vec::new()));
-    };
-    let scanners = calibration_drive
-        .project
-        .scanners
-        .iter()
-        .zip(&joint.late_s)
-        .zip(&late);
-    let named = scanners.filter_map(|((scanner, latency), late)| {
-        let (value, sigma) = latency.filter(|_| *late)?;
-        Some(LateScanner {
-            name: scanner.name.clone(),
-            late: Score { value, sigma },
-            time_offset_s: scanner.time_offset_s,
-        })
-    });
-    let named: Vec<LateScanner> = named.collect();
-    named
-        .iter()
-        .for_each(|scanner| progress.verdict(&judgement::late_scanner(scanner).text));
-    Ok((joint, named))
-}
-
-/// Adjusts from where two steps began and, if that holds, from their result, which is one of several minima: only if both
-/// end at the same mountings is it known which they are. An adjustment from the first alone that is doubtful is returned
-/// as it is.
-///
-/// # Errors
-/// Those of [`adjust`]; the two end apart ([`Problem::NotDetermined`]).
-fn from_both(
-    input: &mut JointInput<'_>,
-    begin: &[Mounting],
-    calibration_drive: &Drive<'_>,
-    progress: &dyn Progress,
-) -> Result<(Joint, Vec<LateScanner>)> {
-    progress
-        .say("two steps have several minima: adjusting from the initial values and from two steps");
-    let two_steps = std::mem::replace(&mut input.mountings, begin.to_vec());
-    let (joint, late) = with_late_scanners(input, calibration_drive, progress)?;
-    if is_doubtful(&joint) {
-        return Ok((joint, late));
-    }
-    input.mountings = two_steps;
-    let other = unless_cancelled(with_late_scanners(input, calibration_drive, progress))?;
-    let agrees = |(other, _): &(Joint, _)| {
-        let apart = change(&joint.mountings, &other.mountings);
-        !is_doubtful(other) && is_within(&apart, &joint.covariance)
-    };
-    if other.as_ref().is_some_and(agrees) {
-        return Ok((joint, late));
-    }
-    Err(Error::of(
-        Problem::NotDetermined,
-        "the calibration in two steps has another minimum that fits as well, and from there the joint adjustment does \
-         not end at the same mountings as from the initial values",
-        "drive over planes in more directions, give a reference, or start nearer",
-    ))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use super::*;
+    use crate::adjustment::StopReason;
+    use crate::calibration::{Method, Observability};
     use crate::geometry::{BodyFromScanner, Vec3};
+    use crate::joint::Rung;
+    use crate::progress::Silent;
+    use nalgebra::DMatrix;
+
+    /// A scanner at this height above the body.
+    fn at(z_m: f64) -> Vec<Mounting> {
+        let pose = BodyFromScanner::identity().perturbed(&Vec3::zeros(), &(Vec3::z() * z_m));
+        vec![Mounting::new("left", pose)]
+    }
+
+    fn two_steps(z_m: f64) -> Calibration {
+        Calibration {
+            method: Method::TwoStep,
+            mountings: at(z_m),
+            converged: true,
+            scales: Vec::new(),
+            covariance: None,
+            origin_sigma_m: 0.0,
+            observability: Observability {
+                shares: vec![1.0; 6],
+                unobservable: Vec::new(),
+            },
+            minimum: None,
+            constancy: None,
+            gap: None,
+        }
+    }
+
+    /// An adjustment that ends where it starts, with standard deviations that are this share of those of initial values.
+    fn joint(input: &JointInput<'_>, share: f64) -> Joint {
+        let [shift_m, turn_rad] = INITIAL_SIGMA;
+        let sigma = [shift_m, shift_m, shift_m, turn_rad, turn_rad, turn_rad];
+        let variances = sigma.map(|sigma| (share * sigma).powi(2));
+        Joint {
+            mountings: input.mountings.clone(),
+            covariance: DMatrix::from_diagonal(&variances.to_vec().into()),
+            late_s: input
+                .estimate_latency
+                .iter()
+                .map(|freed| freed.then_some((0.1, 1e-3)))
+                .collect(),
+            late_scores: vec![None],
+            range_scores: vec![None],
+            height_score: None,
+            rung: Rung::Rigid,
+            ladder: Vec::new(),
+            prior_shares: Vec::new(),
+            compliance: Vec::new(),
+            drives: Vec::new(),
+            constants: Vec::new(),
+            reference: None,
+            surface_m: 0.0,
+            regions: Vec::new(),
+            undetermined: Vec::new(),
+            groups: Vec::new(),
+            stop: StopReason::Converged,
+            iterations: 1,
+            rows: 1,
+            surfels: 1,
+            planes: Vec::new(),
+            unknowns: 6,
+        }
+    }
+
+    /// Adjusts from initial values (0 m) and from two steps (0.05 m), which determine the mounting weakly and contradict
+    /// its latency; `initially_late` if the initial values do so too. Returns the joint, the input's start and latency
+    /// afterwards, and those of each adjustment.
+    fn search(initially_late: bool) -> (Joint, Start, Vec<Start>) {
+        let (initial, two_steps) = (at(0.0), two_steps(0.05));
+        let mut input = JointInput {
+            mountings: two_steps.mountings.clone(),
+            initial: &initial,
+            held: &[],
+            known: None,
+            compliance: &[],
+            estimate_latency: vec![false],
+            drives: Vec::new(),
+            reference: &[],
+        };
+        let tried = RefCell::new(Vec::new());
+        let adjust = |input: &JointInput<'_>| {
+            tried.borrow_mut().push(start(input));
+            let from_two_steps = input.mountings[0].body_from_scanner.translation_m.z > 0.0;
+            let mut joint = joint(input, if from_two_steps { 0.2 } else { 0.05 });
+            let is_late = from_two_steps || initially_late;
+            joint.late_scores[0] = (is_late && !input.estimate_latency[0]).then_some(Score {
+                value: 0.1,
+                sigma: 1e-3,
+            });
+            Ok(joint)
+        };
+        let starts = Starts {
+            begin: &initial,
+            two_steps: &two_steps,
+            stated_latency: vec![false],
+            adjust: &adjust,
+            progress: &Silent,
+        };
+        let joint = starts.adjusted(&mut input).unwrap();
+        (joint, start(&input), tried.into_inner())
+    }
+
+    /// Height of the mounting, metres, and whether its latency is estimated.
+    type Start = (f64, bool);
+
+    fn start(input: &JointInput<'_>) -> Start {
+        let pose = &input.mountings[0].body_from_scanner;
+        (pose.translation_m.z, input.estimate_latency[0])
+    }
+
+    #[test]
+    fn a_latency_found_from_one_start_is_not_estimated_from_another() {
+        let (joint, after, tried) = search(false);
+        assert_eq!(tried, [(0.05, false), (0.05, true), (0.0, false)]);
+        // They end 50 mm apart, where three standard deviations of the first are 30 mm: the second counts, without a latency.
+        assert_eq!(joint.late_s, [None]);
+        assert_eq!(after, (0.0, false));
+    }
+
+    #[test]
+    fn a_latency_found_from_the_start_that_counts_stays_in_the_input() {
+        let (joint, after, tried) = search(true);
+        assert_eq!(tried.last(), Some(&(0.0, true)));
+        assert!(joint.late_s[0].is_some());
+        assert_eq!(after, (0.0, true));
+    }
 
     #[test]
     fn an_adjustment_that_ends_farther_than_initial_values_are_off_is_named() {
