@@ -9,7 +9,9 @@ use super::learn::learn;
 use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_contradictions, scan_contradictions};
 use super::problem::JointProblem;
 use super::result::Joint;
-use super::rounds::{Round, SCALING_SIGMAS, SETTLED_MOTION, Steps, components_at};
+use super::rounds::{
+    Round, SCALING_SIGMAS, SETTLED_MOTION, SETTLED_SIGMAS, Steps, components_at, only_scatters,
+};
 use super::settings::JointSettings;
 use super::slow::SlowMotions;
 use super::state::State;
@@ -89,6 +91,7 @@ pub fn at_rung(
         progress,
     };
     let mut keyframe_steps = vec![1; input.mountings.len()];
+    let mut before_last: Option<State> = None;
     for repeat in 1..=MAX_ROUNDS {
         progress.check()?;
         let mut problem = loop {
@@ -157,7 +160,7 @@ pub fn at_rung(
                 return Ok(Outcome::Contradicted(reasons));
             }
         }
-        let mut stop = steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
+        steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
         if round == Round::Coarse && problem.guess_noise(&state) {
             // On ground that the surfels do not follow, scans are noisier than assumed: with too much weight they would
             // carry mountings far away along directions that they hardly determine.
@@ -175,13 +178,16 @@ pub fn at_rung(
             learn(&problem, &mut state);
         }
         if round == Round::Fine {
-            stop = steps.weigh_and_settle(&mut problem, &mut state, !again)?;
+            steps.weigh(&mut problem, &mut state, !again)?;
         }
         let remaining = references[0].place.remaining(&state.reference);
         let reference_m = Vec3::from_column_slice(&remaining[..3]).norm();
         let moved_m = problem.moved_m(&before, &state).max(reference_m);
-        let settled = moved_m < round.move_share() * surfel_m;
+        let in_two_m = before_last.map(|earlier| problem.moved_m(&earlier, &state));
+        let only_scatters = in_two_m.is_some_and(|in_two_m| only_scatters(moved_m, in_two_m));
+        let settled = moved_m < round.move_share() * surfel_m || only_scatters;
         if round == Round::Fine && (settled || repeat == MAX_ROUNDS) {
+            let stop = steps.settle(&mut problem, &mut state, SETTLED_SIGMAS)?;
             if stop != StopReason::Converged {
                 problem.forget_factor();
             }
@@ -207,6 +213,7 @@ pub fn at_rung(
             return Ok(Outcome::Found(Box::new(joint)));
         }
         groups = problem.groups;
+        before_last = again.then_some(before);
         again = round == Round::Fine;
         if settled || repeat >= MAX_COARSE_ROUNDS {
             round = Round::Fine;

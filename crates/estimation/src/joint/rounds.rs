@@ -34,7 +34,7 @@ pub const SCALING_SIGMAS: f64 = 0.5;
 const LEARNING_SIGMAS: f64 = 2.0;
 /// Length of the last step at the end, standard deviations. Because steps become shorter by a factor of two or more,
 /// no unknown is then off by more than this.
-const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
+pub const SETTLED_SIGMAS: f64 = 2.0 * CONVERGED_SIGMAS;
 /// As for the trajectory alone, except for the allowed rise of the cost: derivatives of poses between nodes
 /// are accurate to a hundredth, so the gradient does not vanish exactly at the least cost. A rise of 1e-5 is
 /// a step of a fraction of a standard deviation.
@@ -93,6 +93,13 @@ impl Round {
     }
 }
 
+/// Whether rounds no longer advance, and points move only because they are sorted anew, by the displacements of points in
+/// the last round and in the last two, metres. Rounds that scatter about one state move them in two rounds as far as in
+/// one, rounds that advance evenly twice as far; a random walk moves them √2 times as far.
+pub fn only_scatters(in_one_m: f64, in_two_m: f64) -> bool {
+    in_two_m < std::f64::consts::SQRT_2 * in_one_m
+}
+
 /// The steps of all rounds.
 pub struct Steps<'a> {
     pub max_iterations: usize,
@@ -137,13 +144,14 @@ impl Steps<'_> {
         Ok(ended.stop)
     }
 
-    /// Alternates steps with estimates of the noise, of the motion of mountings, and of the trust in rows.
-    pub fn weigh_and_settle(
+    /// Alternates steps with estimates of the noise, of the motion of mountings, and of the trust in rows, until steps are
+    /// shorter than [`SCALING_SIGMAS`].
+    pub fn weigh(
         &mut self,
         problem: &mut JointProblem<'_>,
         state: &mut State,
         is_first: bool,
-    ) -> Result<StopReason> {
+    ) -> Result<()> {
         let sigmas = if problem.layout.knots.is_empty() {
             SCALING_SIGMAS
         } else {
@@ -178,7 +186,8 @@ impl Steps<'_> {
             }
             self.settle(problem, state, sigmas)?;
         }
-        self.settle(problem, state, SETTLED_SIGMAS)
+        self.settle(problem, state, SCALING_SIGMAS)?;
+        Ok(())
     }
 }
 
@@ -187,4 +196,20 @@ impl Steps<'_> {
 pub fn components_at(problem: &mut JointProblem<'_>, state: &State) -> Result<Vec<Component>> {
     problem.factorise_near(state).ok_or_else(not_determined)?;
     Ok(components(problem, state))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounds_that_advance_are_told_from_those_that_scatter() {
+        // x, x + q and x + q + q²: evenly, and ever more slowly.
+        for q in [1.0, 0.9, 0.5, 0.1] {
+            assert!(!only_scatters(q * q, q + q * q), "{q}");
+        }
+        // Three of the states that scatter about one lie equally far apart; to and fro, the first and third are the same.
+        assert!(only_scatters(1.0, 1.0));
+        assert!(only_scatters(1.0, 0.0));
+    }
 }
