@@ -19,9 +19,10 @@ use std::path::Path;
 use boresight::Result;
 use boresight::error::Error;
 use boresight::simulation::Extent;
+use random_drive::{Draw, with_fault, without_fault};
 use random_series::Series;
 
-const USAGE: &str = "random [SEEDS] [FIRST] [tiny]";
+const USAGE: &str = "random [SEEDS] [FIRST] [tiny] [faulty]";
 
 /// The results of the drives, and the figure.
 const FOLDER: &str = "out/random";
@@ -30,11 +31,17 @@ const TINY: &str = "out/random-tiny";
 
 fn main() -> Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let is_faulty = arguments.pop_if(|last| last == "faulty").is_some();
     let is_tiny = arguments.pop_if(|last| last == "tiny").is_some();
     let (extent, folder) = if is_tiny {
         (Extent::TINY, TINY)
     } else {
         (Extent::FULL, FOLDER)
+    };
+    let (draw, folder): (Box<Draw>, String) = if is_faulty {
+        (Box::new(with_fault(extent)), format!("{folder}-faulty"))
+    } else {
+        (Box::new(without_fault(extent)), folder.to_owned())
     };
     let numbers = arguments.iter().map(|argument| {
         let wrong = |_| Error::data(format!("{argument}: not a number"), USAGE);
@@ -43,8 +50,8 @@ fn main() -> Result<()> {
     let numbers = numbers.collect::<Result<Vec<u64>>>()?;
     let seeds = numbers.first().copied().unwrap_or(20);
     let first = numbers.get(1).copied().unwrap_or(1);
-    let folder = Path::new(folder);
-    let series = Series::run(first..first + seeds, &extent, folder)?;
+    let folder = Path::new(&folder);
+    let series = Series::run(first..first + seeds, &draw, folder)?;
     print!("{}", series.summary());
     let file = folder.join("ranks.svg");
     std::fs::write(&file, ranks::figure(&series.ranks())).map_err(|e| Error::io(&file, e))?;

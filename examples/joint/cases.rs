@@ -250,6 +250,7 @@ fn lidar() -> ScannerSettings {
         initial_translation_m: [0.42, -0.01, -0.29],
         initial_rotation_deg: [180.6, -34.5, 0.7],
         latency_s: 0.0,
+        range_offset_m: 0.0,
     }
 }
 

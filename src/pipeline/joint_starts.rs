@@ -92,9 +92,9 @@ impl Starts<'_> {
     /// See [`adjusted`].
     fn adjusted(&self, input: &mut JointInput<'_>) -> Result<Joint> {
         let counting = if is_ambiguous(self.two_steps) {
-            self.from_both(input)
+            self.agreed_attempt(input)
         } else {
-            self.from_best(input)
+            self.best_attempt(input)
         };
         let (start, estimate_latency) = match &counting {
             Ok(attempt) => (&attempt.start, &attempt.estimate_latency),
@@ -106,7 +106,7 @@ impl Starts<'_> {
     }
 
     /// Adjusts from the result of two steps and, where that is in doubt, from where they began.
-    fn from_best(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
+    fn best_attempt(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
         let finest = self.two_steps.scales.last();
         if finest.is_some_and(|scale| scale.ending.is_kept()) {
             self.progress
@@ -176,7 +176,7 @@ impl Starts<'_> {
     ///
     /// # Errors
     /// Those of [`adjust`]; the two end apart ([`Problem::NotDetermined`]).
-    fn from_both(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
+    fn agreed_attempt(&self, input: &mut JointInput<'_>) -> Result<Attempt> {
         self.progress.say(
             "two steps have several minima: adjusting from the initial values and from two steps",
         );

@@ -10,7 +10,7 @@ use boresight::geometry::{BodyFromScanner, Vec3};
 use boresight::pipeline::{Extras, Findings, Options, analyse};
 use boresight::progress::Silent;
 use boresight::project::Project;
-use boresight::simulation::{Extent, ScannerKind, Scenario, SimulatedDrive, simulate};
+use boresight::simulation::{Extent, Fault, ScannerKind, Scenario, SimulatedDrive, simulate};
 use boresight::statistics::{NORMAL_97_5, rms};
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +21,8 @@ use super::against_truth::{
 /// Errors beyond this many standard deviations are not due to chance.
 pub const WRONG_SIGMAS: f64 = 4.0;
 
-/// Codes, or their ends, of verdicts on faults that are never drawn.
-const NEVER_DRAWN: [&str; 19] = [
+/// Codes, or their ends, of verdicts on faults that a drive has only if they are drawn for it.
+const FAULTS: [&str; 19] = [
     ".step",
     ".lever_arm",
     ".time_offset",
@@ -51,6 +51,38 @@ const MOVES: [&str; 4] = [
     "mounting.constancy",
     "mounting.gap",
 ];
+
+/// Codes, or their ends, of the verdicts that name a fault.
+fn names(fault: Fault) -> &'static [&'static str] {
+    match fault {
+        Fault::PositionStep | Fault::PositionBlock => &[".step"],
+        Fault::PositionClock => &[".time_drift", ".time_offset"],
+        Fault::PositionOutliers => &[".rejected"],
+        Fault::GyroScale => &["imu.gyro_scale_factor", "imu.noise_scale"],
+        Fault::RangeOffset => &["scanner.range"],
+        Fault::ScannerLate => &["scanner.time_offset"],
+        Fault::BoardMoved => &["reference.region"],
+        Fault::ReferenceDisplaced => {
+            &["reference.shift", "reference.height", "reference.placement"]
+        }
+    }
+}
+
+/// Draws the scenario of a seed, and a fault that its project does not state.
+pub type Draw = dyn Fn(u64) -> (Scenario, Option<Fault>) + Sync;
+
+/// Scenarios without such a fault.
+pub fn without_fault(extent: Extent) -> impl Fn(u64) -> (Scenario, Option<Fault>) + Sync {
+    move |seed| (Scenario::random(seed, &extent), None)
+}
+
+/// Scenarios with one each.
+pub fn with_fault(extent: Extent) -> impl Fn(u64) -> (Scenario, Option<Fault>) + Sync {
+    move |seed| {
+        let (scenario, fault) = Scenario::random_faulty(seed, &extent);
+        (scenario, Some(fault))
+    }
+}
 
 /// The method that gave the result.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -101,13 +133,15 @@ pub struct Ended {
     pub warnings: Vec<String>,
     /// Those among them that name a fault which the drive does not have.
     pub false_alarms: Vec<String>,
+    /// Whether a verdict names the drawn fault; `None` without one.
+    pub is_named: Option<bool>,
     pub seconds: f64,
 }
 
 impl Ended {
     /// Simulates the scenario of a seed into a folder, and runs its project.
-    pub fn of_seed(seed: u64, extent: &Extent, folder: &Path) -> Result<Self> {
-        let scenario = Scenario::random(seed, extent);
+    pub fn of_seed(seed: u64, draw: &Draw, folder: &Path) -> Result<Self> {
+        let (scenario, fault) = draw(seed);
         let files = simulate(&scenario, folder, &Silent)?;
         let drive = &files.drives[0];
         let begun = Instant::now();
@@ -121,22 +155,28 @@ impl Ended {
         let mut ended = match analyse(&project, &options, &Extras::default(), &Silent) {
             Err(error) => Self {
                 seed,
-                drawn: drawn(&scenario),
+                drawn: drawn(&scenario, fault),
                 way: Way::Stopped(error.to_string()),
                 deviations: Vec::new(),
                 worst: [[0.0; 2]; 2],
                 points: None,
                 warnings: Vec::new(),
                 false_alarms: Vec::new(),
+                is_named: fault.map(|_| true),
                 seconds: 0.0,
             },
-            Ok(findings) => Self::compared(&scenario, drive, &findings)?,
+            Ok(findings) => Self::compared(&scenario, fault, drive, &findings)?,
         };
         ended.seconds = begun.elapsed().as_secs_f64();
         Ok(ended)
     }
 
-    fn compared(scenario: &Scenario, drive: &SimulatedDrive, findings: &Findings) -> Result<Self> {
+    fn compared(
+        scenario: &Scenario,
+        fault: Option<Fault>,
+        drive: &SimulatedDrive,
+        findings: &Findings,
+    ) -> Result<Self> {
         let calibration = &findings.calibrations.result;
         let mut truth = scenario.true_mountings();
         let mut mountings = calibration.poses();
@@ -171,12 +211,16 @@ impl Ended {
         let warnings: Vec<String> = marked.map(|verdict| verdict.code.clone()).collect();
         Ok(Self {
             seed: scenario.seed,
-            drawn: drawn(scenario),
+            drawn: drawn(scenario, fault),
             way,
             worst: [&mountings, &scenario.initial_mountings()].map(|values| worst(values, &truth)),
             deviations,
             points,
-            false_alarms: false_alarms(scenario, &warnings),
+            false_alarms: false_alarms(scenario, fault, &warnings),
+            is_named: fault.map(|fault| {
+                let mut all = findings.verdicts.iter();
+                all.any(|verdict| names(fault).iter().any(|end| verdict.code.ends_with(end)))
+            }),
             warnings,
             seconds: 0.0,
         })
@@ -212,8 +256,13 @@ impl Ended {
             .iter()
             .filter(|code| !self.false_alarms.contains(code));
         let codes: Vec<String> = alarms.chain(others.cloned()).collect();
+        let named = match self.is_named {
+            Some(true) => "named; ",
+            Some(false) => "not named; ",
+            None => "",
+        };
         format!(
-            "{way}: {:.1} sigma, {:.2} mm, {:.4}° (start {:.0} mm, {:.1}°), {points}{:.0} s; {}",
+            "{way}: {:.1} sigma, {:.2} mm, {:.4}° (start {:.0} mm, {:.1}°), {points}{:.0} s; {named}{}",
             self.worst_sigmas(),
             1e3 * shift_m,
             turn_rad.to_degrees(),
@@ -247,18 +296,21 @@ impl Points {
 }
 
 /// Codes of the verdicts that name a fault which the drive does not have.
-fn false_alarms(scenario: &Scenario, warnings: &[String]) -> Vec<String> {
+fn false_alarms(scenario: &Scenario, fault: Option<Fault>, warnings: &[String]) -> Vec<String> {
+    let named = fault.map_or(&[][..], names);
+    let is_named = |code: &&String| named.iter().any(|end| code.ends_with(end));
     let is_false = |code: &&String| {
-        NEVER_DRAWN.iter().any(|end| code.ends_with(end))
+        FAULTS.iter().any(|end| code.ends_with(end))
             || !scenario.deformation.enabled && MOVES.contains(&code.as_str())
             || scenario.imu.vibration_m_s2 == 0.0 && code.as_str() == "imu.noise_scale"
             || scenario.plants.count_per_m2 == 0.0 && code.as_str() == "reference.region"
     };
-    warnings.iter().filter(is_false).cloned().collect()
+    let others = warnings.iter().filter(|code| !is_named(code));
+    others.filter(is_false).cloned().collect()
 }
 
 /// What was drawn, in a line.
-fn drawn(s: &Scenario) -> String {
+fn drawn(s: &Scenario, fault: Option<Fault>) -> String {
     let lidars = s.scanners_of(ScannerKind::Lidar).len();
     let fans = s.scanners.len() - lidars;
     let frame = &s.deformation;
@@ -273,10 +325,11 @@ fn drawn(s: &Scenario) -> String {
     } else {
         "bends"
     };
+    let fault = fault.map_or(String::new(), |fault| format!("; {fault:?}"));
     let mark = |is_there: bool, text| if is_there { text } else { "" };
     format!(
         "{fans} fans {:.0} Hz x {} at {:.1} mm, {lidars} lidars; {:.1} m high, {:.2} m/s, {} passes; {} boards{}{}; \
-         IMU {:.0} Hz {:.2} °/√h{}; positions {:.0} Hz {:.0} mm{}{}{}{}{}; {frame}",
+         IMU {:.0} Hz {:.2} °/√h{}; positions {:.0} Hz {:.0} mm{}{}{}{}{}; {frame}{fault}",
         s.profiles.rate_hz,
         s.profiles.width,
         1e3 * s.profiles.sigma_m[0],

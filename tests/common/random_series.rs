@@ -5,12 +5,10 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::random_drive::{Draw, Ended, WRONG_SIGMAS, Way};
+use super::ranks::{LEVEL, Ranks, probability, rank};
 use boresight::calibration::PARAMETER_NAMES;
 use boresight::error::{Error, Result};
-use boresight::simulation::{Extent, Scenario};
-
-use super::random_drive::{Ended, WRONG_SIGMAS, Way};
-use super::ranks::{LEVEL, Ranks, probability, rank};
 
 /// Axes of the points whose ranks are tested.
 const POINT_AXES: [&str; 3] = ["east", "north", "up"];
@@ -21,7 +19,7 @@ pub struct Series(pub Vec<Ended>);
 impl Series {
     /// Runs the drives of these seeds, one on each core, except for those whose results from the same program are in
     /// the folder: a series that was interrupted continues. Prints each as it ends.
-    pub fn run(seeds: std::ops::Range<u64>, extent: &Extent, folder: &Path) -> Result<Self> {
+    pub fn run(seeds: std::ops::Range<u64>, draw: &Draw, folder: &Path) -> Result<Self> {
         let folder = &folder.join(program()?);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let next = AtomicU64::new(seeds.start);
@@ -34,7 +32,7 @@ impl Series {
                 if seed >= seeds.end {
                     return Ok(());
                 }
-                let ended = pool.install(|| kept(seed, extent, folder))?;
+                let ended = pool.install(|| kept(seed, draw, folder))?;
                 println!("{seed}: {}\n    {}", ended.drawn, ended.line());
                 let mut all = all
                     .lock()
@@ -91,6 +89,13 @@ impl Series {
         let wrong = self.count(|ended| ended.worst_sigmas() > WRONG_SIGMAS);
         let quiet = self.count(Ended::is_quietly_wrong);
         let alarms = self.count(|ended| !ended.false_alarms.is_empty());
+        let named = self.count(|ended| ended.is_named == Some(true));
+        let unnamed = self.count(|ended| ended.is_named == Some(false));
+        let faults = if named + unnamed > 0 {
+            format!("{named} faults named, {unnamed} not\n")
+        } else {
+            String::new()
+        };
         let ranks = self.ranks().into_iter().map(|of| {
             let chance = probability(&of.ranks);
             let mark = if chance < LEVEL { "  not uniform" } else { "" };
@@ -102,7 +107,7 @@ impl Series {
         });
         format!(
             "{} drives: {joint} joint, {two_steps} two steps, {stopped} stopped; {wrong} beyond {WRONG_SIGMAS} sigma, \
-             {quiet} of them quietly; {alarms} with false alarms\n{}",
+             {quiet} of them quietly; {alarms} with false alarms\n{faults}{}",
             self.0.len(),
             ranks.collect::<String>(),
         )
@@ -118,7 +123,7 @@ fn program() -> Result<String> {
 
 /// The result of a drive, from its file in the folder if there is one. Beside it is the scenario, with which
 /// `boresight simulate --scenario` simulates the drive again.
-fn kept(seed: u64, extent: &Extent, folder: &Path) -> Result<Ended> {
+fn kept(seed: u64, draw: &Draw, folder: &Path) -> Result<Ended> {
     let file = folder.join(format!("{seed}.json"));
     if let Ok(text) = std::fs::read_to_string(&file) {
         let wrong = |e| Error::data(format!("{}: {e}", file.display()), "the result of a drive");
@@ -128,10 +133,10 @@ fn kept(seed: u64, extent: &Extent, folder: &Path) -> Result<Ended> {
         let file = file.with_extension(extension);
         std::fs::write(&file, text).map_err(|e| Error::io(&file, e))
     };
-    let scenario = toml::to_string(&Scenario::random(seed, extent));
+    let scenario = toml::to_string(&draw(seed).0);
     write("toml", scenario.expect("a scenario can be written as TOML"))?;
     let scratch = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
-    let ended = Ended::of_seed(seed, extent, scratch.path())?;
+    let ended = Ended::of_seed(seed, draw, scratch.path())?;
     let text = serde_json::to_string_pretty(&ended).expect("a result can be written as JSON");
     write("json", text)?;
     Ok(ended)

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::random_drive::Ended;
+use crate::common::random_drive::{Ended, without_fault};
 use crate::common::random_series::Series;
 use crate::common::ranks::{LEVEL, probability};
 use boresight::simulation::Extent;
@@ -38,7 +38,7 @@ fn tiny_drives_that_two_steps_lead_astray_are_adjusted_from_the_initial_values()
 fn assert_right_or_said(seeds: &[u64]) {
     for &seed in seeds {
         let folder = tempfile::tempdir().unwrap();
-        let ended = Ended::of_seed(seed, &Extent::TINY, folder.path()).unwrap();
+        let ended = Ended::of_seed(seed, &without_fault(Extent::TINY), folder.path()).unwrap();
         println!("{seed}: {}\n    {}", ended.drawn, ended.line());
         assert!(!ended.is_quietly_wrong(), "{seed}: {}", ended.line());
         assert!(ended.false_alarms.is_empty(), "{seed}: {}", ended.line());
@@ -51,7 +51,7 @@ fn assert_right_or_said(seeds: &[u64]) {
 #[ignore = "hours: simulation-based calibration over 200 drives, which continues where it was interrupted"]
 fn random_drives_agree_with_the_stated_distributions() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("out/random");
-    let series = Series::run(1..201, &Extent::FULL, &folder).unwrap();
+    let series = Series::run(1..201, &without_fault(Extent::FULL), &folder).unwrap();
     println!("{}", series.summary());
     assert_eq!(series.count(Ended::is_quietly_wrong), 0);
     let alarms = series.count(|ended| !ended.false_alarms.is_empty());

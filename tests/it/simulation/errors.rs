@@ -4,7 +4,7 @@ use boresight::geometry::{Vec3, heading};
 use boresight::progress::Silent;
 use boresight::sensor::PositionFix;
 use boresight::simulation::{
-    Drive, Profiler, Scenario, Scene, simulate, simulate_heading, simulate_prism,
+    Drive, Profiler, Scenario, Scene, simulate, simulate_heading, simulate_imu, simulate_prism,
 };
 
 use super::small;
@@ -114,6 +114,53 @@ fn fixes_are_missing_while_the_prism_is_lost_and_the_others_are_unchanged() {
 }
 
 #[test]
+fn positions_are_displaced_within_a_span_and_stamped_by_a_clock_of_another_rate() {
+    let mut scenario = small();
+    let (_, drive) = short(&mut scenario, 1);
+    let clean = simulate_prism(&scenario, &drive, 0);
+    let displaced_m = [0.03, -0.01, 0.02];
+    (scenario.prism.displaced_m, scenario.prism.displaced_s) = (displaced_m, [4.0, 9.0]);
+    scenario.prism.clock_ppm = 200.0;
+    let with = simulate_prism(&scenario, &drive, 0);
+    assert_eq!(with.len(), clean.len());
+    for (a, b) in clean.iter().zip(&with) {
+        let elapsed_s = a.time_s - 100.0;
+        let is_displaced = (4.0..=9.0).contains(&elapsed_s);
+        let expected_m = if is_displaced { displaced_m } else { [0.0; 3] };
+        assert!((b.position_m - a.position_m - Vec3::from(expected_m)).norm() < 1e-12);
+        assert!((b.time_s - a.time_s - 2e-4 * elapsed_s).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn ranges_of_one_scanner_and_rates_of_turn_are_off_by_what_is_stated() {
+    let mut scenario = small();
+    scenario.imu.noise = false;
+    let (scene, drive) = short(&mut scenario, 3);
+    let clean = (
+        Profiler::new(&scenario, &scene, &drive, 0).profile(1, 40),
+        simulate_imu(&scenario, &drive, 0),
+    );
+    let mut faulty = scenario.clone();
+    faulty.scanners[1].range_offset_m = 0.004;
+    faulty.imu.gyro_scale = -0.01;
+    let profiler = Profiler::new(&faulty, &scene, &drive, 0);
+    let range_m = |(x, z): (f64, f64)| x.hypot(z);
+    let mut compared = 0;
+    let points = clean.0.points.iter().zip(profiler.profile(1, 40).points);
+    for (a, b) in points.filter_map(|(a, b)| Some((a.as_ref()?, b?))) {
+        assert!((range_m((b.0, b.1)) - range_m((a.0, a.1)) - 0.004).abs() < 1e-9);
+        compared += 1;
+    }
+    assert!(compared > 30, "{compared}");
+    let rates = clean.1.samples.iter();
+    for (a, b) in rates.zip(simulate_imu(&faulty, &drive, 0).samples) {
+        assert!((b.gyro_rad_s - a.gyro_rad_s * 0.99).norm() < 1e-12);
+        assert_eq!(b.accel_m_s2, a.accel_m_s2);
+    }
+}
+
+#[test]
 fn outliers_are_displaced_by_the_given_length_in_all_directions() {
     let mut scenario = small();
     scenario.prism.rate_hz = 100.0;
@@ -145,6 +192,10 @@ fn the_truth_files_list_the_errors_that_the_project_hides() {
     scenario.profiles.rate_hz = 0.5;
     scenario.prism.lost_s = vec![[3.0, 5.5]];
     scenario.scanners[1].latency_s = 0.02;
+    scenario.scanners[0].range_offset_m = 0.003;
+    (scenario.prism.displaced_m, scenario.prism.displaced_s) = ([0.0, 0.02, 0.0], [7.0, 9.0]);
+    scenario.prism.clock_ppm = 50.0;
+    scenario.imu.gyro_scale = 0.01;
     scenario.reference.surface_error_m = 0.0003;
     scenario.boards[1].moved_m = [0.0, 0.0, 0.01];
     scenario.soil.clod_height_m = 0.02;
@@ -167,8 +218,20 @@ fn the_truth_files_list_the_errors_that_the_project_hides() {
         errors["prism"]["lost_s"][0][1].as_float(),
         Some(start_s + 5.5)
     );
-    assert_eq!(errors["scanner"][0]["name"].as_str(), Some("right"));
-    assert_eq!(errors["scanner"][0]["latency_s"].as_float(), Some(0.02));
+    assert_eq!(errors["prism"]["displaced_m"][1].as_float(), Some(0.02));
+    assert_eq!(
+        errors["prism"]["displaced_s"][0].as_float(),
+        Some(start_s + 7.0)
+    );
+    assert_eq!(errors["prism"]["clock_ppm"].as_float(), Some(50.0));
+    assert_eq!(errors["imu"]["gyro_scale"].as_float(), Some(0.01));
+    assert_eq!(errors["scanner"][0]["name"].as_str(), Some("left"));
+    assert_eq!(
+        errors["scanner"][0]["range_offset_m"].as_float(),
+        Some(0.003)
+    );
+    assert_eq!(errors["scanner"][1]["name"].as_str(), Some("right"));
+    assert_eq!(errors["scanner"][1]["latency_s"].as_float(), Some(0.02));
     assert!(!errors.contains_key("heading"));
     assert_eq!(
         errors["reference"]["surface_error_m"].as_float(),

@@ -25,6 +25,7 @@ fn with_lidar() -> Scenario {
         initial_translation_m: [0.4, 0.0, -0.3],
         initial_rotation_deg: [180.0, -35.0, 0.0],
         latency_s: 0.0,
+        range_offset_m: 0.0,
     };
     scenario.scanners.insert(0, lidar);
     scenario

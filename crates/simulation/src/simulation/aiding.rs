@@ -46,9 +46,13 @@ pub fn simulate_prism(scenario: &Scenario, drive: &Drive, drive_index: usize) ->
                 position_m += displacement;
             }
             let elapsed_s = measured_s - drive.span_s.0;
-            let lost = |&[from, to]: &[f64; 2]| (from..=to).contains(&elapsed_s);
-            let is_lost = settings.lost_s.iter().any(lost);
-            (!is_lost).then(|| PositionFix::with_sigma(time_s, position_m, None))
+            let is_within = |&[from, to]: &[f64; 2]| (from..=to).contains(&elapsed_s);
+            let is_lost = settings.lost_s.iter().any(is_within);
+            if is_within(&settings.displaced_s) {
+                position_m += Vec3::from(settings.displaced_m);
+            }
+            let stamp_s = time_s + 1e-6 * settings.clock_ppm * elapsed_s;
+            (!is_lost).then(|| PositionFix::with_sigma(stamp_s, position_m, None))
         })
         .collect()
 }

@@ -67,6 +67,7 @@ impl Scenario {
             ("imu.bias_time_s", imu.bias_time_s, POSITIVE),
             ("imu.gyro_bias_sigma_rad_s", imu.gyro_bias_sigma_rad_s, ANY),
             ("imu.accel_bias_sigma_m_s2", imu.accel_bias_sigma_m_s2, ANY),
+            ("imu.gyro_scale", imu.gyro_scale, (-0.5, 0.5)),
             ("imu.vibration_m_s2", imu.vibration_m_s2, (0.0, 100.0)),
             // A slower vibration would move the robot by millimetres.
             ("imu.vibration_hz", imu.vibration_hz, (10.0, 1e4)),
@@ -78,6 +79,7 @@ impl Scenario {
             ("prism.correlation_s", prism.correlation_s, POSITIVE),
             ("prism.outlier_share", prism.outlier_share, SHARE),
             ("prism.outlier_m", prism.outlier_m, ANY),
+            ("prism.clock_ppm", prism.clock_ppm, (-1e4, 1e4)),
             ("heading.rate_hz", heading.rate_hz, RATE),
             ("heading.sigma_deg", heading.sigma_deg, ANY),
             (
@@ -180,6 +182,9 @@ impl Scenario {
         bounds.extend(each("prism.lever_arm_m", &prism.lever_arm_m, COORDINATE));
         bounds.extend(each("prism.station_m", &prism.station_m, COORDINATE));
         bounds.extend(each("prism.lost_s", prism.lost_s.as_flattened(), ANY));
+        let displaced_m = &prism.displaced_m;
+        bounds.extend(each("prism.displaced_m", displaced_m, COORDINATE));
+        bounds.extend(each("prism.displaced_s", &prism.displaced_s, ANY));
         bounds.extend(each("profiles.range_m", &profiles.range_m, LENGTH));
         bounds.extend(each("lidar.range_m", &lidar.range_m, LENGTH));
         bounds.extend(each("profiles.sigma_m", &profiles.sigma_m, ANY));
@@ -207,6 +212,8 @@ impl Scenario {
             let initial = &scanner.initial_rotation_deg;
             bounds.extend(each("scanners.initial_rotation_deg", initial, ANGLE));
             bounds.push(("scanners.latency_s", scanner.latency_s, LATENCY));
+            let offset_m = scanner.range_offset_m;
+            bounds.push(("scanners.range_offset_m", offset_m, (-1.0, 1.0)));
         }
         for pass in self.drives.iter().flat_map(|drive| &drive.passes) {
             match pass {

@@ -68,6 +68,7 @@ impl Default for Scenario {
                     initial_translation_m: [1.2, -0.5, 0.5],
                     initial_rotation_deg: [-145.0, 0.0, 90.0],
                     latency_s: 0.0,
+                    range_offset_m: 0.0,
                 },
                 ScannerSettings {
                     name: "right".into(),
@@ -77,6 +78,7 @@ impl Default for Scenario {
                     initial_translation_m: [1.2, 0.65, 0.5],
                     initial_rotation_deg: [145.0, 0.0, 90.0],
                     latency_s: 0.0,
+                    range_offset_m: 0.0,
                 },
             ],
             file: None,
@@ -168,6 +170,7 @@ impl Default for ImuSettings {
             vibration_m_s2: 0.0,
             vibration_hz: 30.0,
             noise: true,
+            gyro_scale: 0.0,
         }
     }
 }
@@ -186,6 +189,9 @@ impl Default for PrismSettings {
             lost_s: Vec::new(),
             outlier_share: 0.0,
             outlier_m: 0.3,
+            displaced_m: [0.0; 3],
+            displaced_s: [0.0; 2],
+            clock_ppm: 0.0,
         }
     }
 }

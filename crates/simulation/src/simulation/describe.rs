@@ -169,7 +169,16 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
             prism.outlier_share, prism.outlier_m
         );
     }
-    let mut text = table("[prism]", &keys);
+    if prism.displaced_m != [0.0; 3] {
+        let span_s = prism.displaced_s.map(|s| start_s + s);
+        keys += &format!(
+            "displaced_m = {:?}\ndisplaced_s = {span_s:?}\n",
+            prism.displaced_m
+        );
+    }
+    keys += &unless_zero("clock_ppm", prism.clock_ppm);
+    let mut text = table("[imu]", &unless_zero("gyro_scale", scenario.imu.gyro_scale));
+    text += &table("[prism]", &keys);
     let mut keys = unless_zero("latency_s", heading.latency_s);
     keys += &lasting(
         "sigma_correlated_deg",
@@ -177,13 +186,12 @@ fn errors(scenario: &Scenario, start_s: f64) -> String {
         heading.correlation_s,
     );
     text += &table("[heading]", &keys);
-    for scanner in scenario.scanners.iter().filter(|s| s.latency_s != 0.0) {
-        let keys = format!(
-            "name = {:?}\n{}",
-            scanner.name,
-            unless_zero("latency_s", scanner.latency_s)
-        );
-        text += &table("[[scanner]]", &keys);
+    for scanner in &scenario.scanners {
+        let keys = unless_zero("latency_s", scanner.latency_s)
+            + &unless_zero("range_offset_m", scanner.range_offset_m);
+        if !keys.is_empty() {
+            text += &table("[[scanner]]", &format!("name = {:?}\n{keys}", scanner.name));
+        }
     }
     let reference = &scenario.reference;
     let mut keys = String::new();

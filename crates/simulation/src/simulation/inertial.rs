@@ -98,7 +98,9 @@ pub fn simulate_imu(scenario: &Scenario, drive: &Drive, drive_index: usize) -> I
         result.truth.push(record(k, bias));
         result.samples.push(ImuSample {
             time_s: time(k),
-            gyro_rad_s: gyro + bias.gyro_rad_s + normal3(&mut rng) * (gyro_density / dt.sqrt()),
+            gyro_rad_s: gyro * (1.0 + settings.gyro_scale)
+                + bias.gyro_rad_s
+                + normal3(&mut rng) * (gyro_density / dt.sqrt()),
             accel_m_s2: accel + bias.accel_m_s2 + normal3(&mut rng) * (accel_density / dt.sqrt()),
         });
         bias.gyro_rad_s += normal3(&mut rng) * gyro_walk;

@@ -11,6 +11,7 @@ use super::profiler::Ray;
 use super::random::{Purpose, normal, stream};
 use super::scenario::Scenario;
 use super::scene::Scene;
+use super::sensors::ScannerSettings;
 use crate::geometry::Vec3;
 
 /// The lidars on one drive; `scanner` is an index into the scenario's scanners.
@@ -89,7 +90,11 @@ impl<'a> Lidar<'a> {
     /// the scanner frame (m).
     pub fn revolution(&self, scanner: usize, index: usize) -> Vec<(f64, Vec3)> {
         let settings = &self.scenario.lidar;
-        let latency_s = self.scenario.scanners[scanner].latency_s;
+        let &ScannerSettings {
+            latency_s,
+            range_offset_m,
+            ..
+        } = &self.scenario.scanners[scanner];
         let group = (self.drive_index * self.scenario.scanners.len() + scanner) as u64;
         let mut rng = stream(self.scenario.seed, Purpose::Lidar, group, index as u64);
         let mut points = Vec::new();
@@ -100,7 +105,7 @@ impl<'a> Lidar<'a> {
                 let noise_m = normal(&mut rng) * settings.sigma_m;
                 let is_lost = rng.random::<f64>() < settings.dropout;
                 if let Some(ray) = ray.filter(|_| !is_lost) {
-                    let stretch = 1.0 + noise_m / ray.hit.range_m;
+                    let stretch = 1.0 + (noise_m + range_offset_m) / ray.hit.range_m;
                     points.push((stamp_s, ray.point_m * stretch));
                 }
             }

@@ -35,7 +35,7 @@ mod write;
 pub use aiding::{simulate_heading, simulate_prism};
 pub use board::Board;
 pub use deformation::Mountings;
-pub use draw::Extent;
+pub use draw::{Extent, Fault};
 pub use drive::{BodyState, Drive};
 pub use field::{
     BoardSettings, DriveSettings, Field, MotionSettings, Pass, PlantSettings, SoilSettings,

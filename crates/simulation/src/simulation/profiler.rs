@@ -147,6 +147,7 @@ impl<'a> Profiler<'a> {
         let [near, far] = settings.range_m;
         let [lost, flying] = settings.edge_lost_flying;
         let least_cosine = settings.grazing_deg.to_radians().cos();
+        let range_offset_m = self.scenario.scanners[scanner].range_offset_m;
         let step_m = settings.step_m;
         let round = |x: f64| {
             if step_m > 0.0 {
@@ -179,7 +180,7 @@ impl<'a> Profiler<'a> {
                 let share = ((depth - near) / (far - near)).clamp(0.0, 1.0);
                 let sigma =
                     settings.sigma_m[0] + share * (settings.sigma_m[1] - settings.sigma_m[0]);
-                measured += noise * sigma / -direction.z;
+                measured += noise * sigma / -direction.z + range_offset_m;
                 let albedo = match hit.surface {
                     Surface::Soil => 110.0,
                     Surface::Board(_) => 220.0,

@@ -29,6 +29,8 @@ pub struct ImuSettings {
     pub vibration_hz: f64,
     /// False for an ideal IMU.
     pub noise: bool,
+    /// What a gyro reads beyond the true rate, as a share of it.
+    pub gyro_scale: f64,
 }
 
 /// Prism and total station.
@@ -61,6 +63,12 @@ pub struct PrismSettings {
     pub outlier_share: f64,
     /// Displacement of an outlier, in a random direction, metres.
     pub outlier_m: f64,
+    /// Displacement of all positions within `displaced_s`, as after a knock on the total station, metres.
+    pub displaced_m: [f64; 3],
+    /// From and to, seconds from the drive's start.
+    pub displaced_s: [f64; 2],
+    /// Rate of the clock of the time stamps beyond that of the other sensors, parts per million, from the drive's start.
+    pub clock_ppm: f64,
 }
 
 /// Heading antennas.
@@ -163,6 +171,9 @@ pub struct ScannerSettings {
     /// Delay of the time stamps of its points, seconds.
     #[serde(default)]
     pub latency_s: f64,
+    /// What a measured range is too long, metres.
+    #[serde(default)]
+    pub range_offset_m: f64,
 }
 
 /// The reference cloud of a terrestrial laser scanner.

@@ -2,12 +2,14 @@
 
 mod draws;
 mod extent;
+mod faults;
 mod ground;
 mod rays;
 mod robot;
 mod sensors;
 
 pub use extent::Extent;
+pub use faults::Fault;
 
 use draws::Draws;
 
@@ -26,13 +28,14 @@ enum Part {
     Heading,
     Reference,
     Frame,
+    Fault,
 }
 
 impl Scenario {
     /// A scenario with one drive whose ground, robot, sensors, route and faults of the frame are drawn with this seed.
     /// What the project states about the noise is what it was drawn from.
     pub fn random(seed: u64, extent: &Extent) -> Self {
-        let draws = |part: Part| Draws::new(stream(seed, Purpose::Scenario, part as u64, 0));
+        let draws = |part| part_draws(seed, part);
         let mut scenario = Self {
             name: format!("random-{seed}"),
             seed,
@@ -51,6 +54,18 @@ impl Scenario {
         rays::limit(extent, &mut scenario);
         scenario
     }
+
+    /// [`Scenario::random`] with a fault that its project does not state, and the fault.
+    pub fn random_faulty(seed: u64, extent: &Extent) -> (Self, Fault) {
+        let mut scenario = Self::random(seed, extent);
+        let fault = faults::fault(&mut part_draws(seed, Part::Fault), &mut scenario);
+        (scenario, fault)
+    }
+}
+
+/// The random numbers of a part of the scenario with this seed.
+fn part_draws(seed: u64, part: Part) -> Draws {
+    Draws::new(stream(seed, Purpose::Scenario, part as u64, 0))
 }
 
 #[cfg(test)]
@@ -72,6 +87,20 @@ mod tests {
                 assert_eq!(toml::from_str::<Scenario>(&text).unwrap(), scenario);
             }
         }
+    }
+
+    #[test]
+    fn every_fault_is_drawn_and_can_be_simulated() {
+        let mut drawn = Vec::new();
+        for seed in 0..SEEDS {
+            let (scenario, fault) = Scenario::random_faulty(seed, &Extent::TINY);
+            scenario
+                .check()
+                .unwrap_or_else(|error| panic!("seed {seed}, {fault:?}: {error}"));
+            assert_ne!(scenario, Scenario::random(seed, &Extent::TINY), "{fault:?}");
+            drawn.push(fault);
+        }
+        assert!(Fault::ALL.iter().all(|fault| drawn.contains(fault)));
     }
 
     #[test]

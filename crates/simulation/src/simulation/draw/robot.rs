@@ -115,6 +115,7 @@ fn scanner(
         initial_translation_m: std::array::from_fn(|k| translation_m[k] + shift_m[k]),
         initial_rotation_deg: angles(&(rotation * so3::exp(&turn))),
         latency_s: 0.0,
+        range_offset_m: 0.0,
     }
 }
 
