@@ -74,7 +74,7 @@ joint SEEDS="30" FIRST="1" *ARGS:
     cargo run --release --features examples --example joint -- {{SEEDS}} {{FIRST}} {{ARGS}}
 
 # Runs SEEDS drives that are drawn at random and compares results with the truth; the figure of ranks is in out/random.
-# With `tiny` as SIZE, short drives
+# With `tiny` as SIZE, short drives; with `"tiny faulty"` or `faulty`, each has a fault that its project does not state
 random SEEDS="20" FIRST="1" SIZE="":
     cargo run --release --features examples --example random -- {{SEEDS}} {{FIRST}} {{SIZE}}
 

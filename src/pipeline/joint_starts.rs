@@ -6,16 +6,13 @@
 use super::joint_input::{Drive, surfel_m};
 use crate::calibration::{Calibration, INITIAL_SIGMA, Minimum, Mounting, Reach, change, is_within};
 use crate::error::{Error, Problem, Result, unless_cancelled};
-use crate::joint::{Joint, JointInput, LateScanner, Score, adjust, contradictions, is_weak};
+use crate::joint::{
+    Joint, JointInput, LateScanner, Score, adjust, contradictions, is_late, is_weak,
+};
 use crate::judgement;
 use crate::number;
 use crate::progress::Progress;
 use crate::statistics::chi_square;
-
-/// A scanner is late if the scans show a latency of more than this many standard deviations and of more than
-/// `LEAST_LATENCY_S`, seconds.
-const LATE_SIGMAS: f64 = 5.0;
-const LEAST_LATENCY_S: f64 = 0.002;
 
 /// Initial values are farther off than this in one of a thousand mountings, standard normal distribution.
 const INITIAL_Z: f64 = 3.09;
@@ -49,13 +46,10 @@ pub fn adjusted(
         progress,
     };
     let joint = starts.adjusted(input)?;
-    let freed = input.estimate_latency.iter().zip(&starts.stated_latency);
-    let late: Vec<LateScanner> = project
-        .scanners
-        .iter()
-        .zip(freed)
+    let scanners = project.scanners.iter().zip(&starts.stated_latency);
+    let late: Vec<LateScanner> = scanners
         .zip(&joint.late_s)
-        .filter(|((_, (freed, stated)), _)| freed != stated)
+        .filter(|((_, is_asked_for), _)| !**is_asked_for)
         .filter_map(|((scanner, _), latency)| {
             let (value, sigma) = (*latency)?;
             Some(LateScanner {
@@ -81,11 +75,17 @@ struct Starts<'a> {
     progress: &'a dyn Progress,
 }
 
-/// An adjustment, with the part of its input that differs between starts.
+/// An adjustment and where it started.
 struct Attempt {
     joint: Joint,
     start: Vec<Mounting>,
-    estimate_latency: Vec<bool>,
+}
+
+impl Attempt {
+    /// Whether it estimates the latency of each scanner.
+    fn estimated_latencies(&self) -> Vec<bool> {
+        self.joint.late_s.iter().map(Option::is_some).collect()
+    }
 }
 
 impl Starts<'_> {
@@ -96,12 +96,13 @@ impl Starts<'_> {
         } else {
             self.best_attempt(input)
         };
-        let (start, estimate_latency) = match &counting {
-            Ok(attempt) => (&attempt.start, &attempt.estimate_latency),
-            Err(_) => (&self.two_steps.mountings, &self.stated_latency),
+        (input.mountings, input.estimate_latency) = match &counting {
+            Ok(attempt) => (attempt.start.clone(), attempt.estimated_latencies()),
+            Err(_) => (
+                self.two_steps.mountings.clone(),
+                self.stated_latency.clone(),
+            ),
         };
-        input.mountings.clone_from(start);
-        input.estimate_latency.clone_from(estimate_latency);
         Ok(counting?.joint)
     }
 
@@ -142,32 +143,28 @@ impl Starts<'_> {
     }
 
     /// Adjusts from these mountings; if the scans contradict the latencies of scanners, adjusts again and estimates these
-    /// latencies. They are held by default, because estimating a latency costs tx a third of its accuracy.
+    /// latencies.
     fn attempt(&self, start: &[Mounting], input: &mut JointInput<'_>) -> Result<Attempt> {
         input.mountings = start.to_vec();
         input.estimate_latency.clone_from(&self.stated_latency);
         let joint = (self.adjust)(input)?;
-        let is_late = |score: &Option<Score>| {
-            score.is_some_and(|s| s.value.abs() > LEAST_LATENCY_S && s.sigmas() > LATE_SIGMAS)
-        };
-        let late: Vec<bool> = joint.late_scores.iter().map(is_late).collect();
-        let held = Attempt {
+        let late = |score: &Option<Score>| score.as_ref().is_some_and(is_late);
+        let late: Vec<bool> = joint.late_scores.iter().map(late).collect();
+        let attempt = |joint| Attempt {
             joint,
             start: start.to_vec(),
-            estimate_latency: self.stated_latency.clone(),
         };
+        let held = attempt(joint);
         if !late.contains(&true) {
             return Ok(held);
         }
-        let estimated = input.estimate_latency.iter_mut().zip(&late);
-        estimated.for_each(|(estimate, late)| *estimate |= late);
-        let freed = unless_cancelled((self.adjust)(input))?.map(|joint| Attempt {
-            joint,
-            start: start.to_vec(),
-            estimate_latency: input.estimate_latency.clone(),
-        });
+        let estimated = held.estimated_latencies().into_iter().zip(late);
+        input.estimate_latency = estimated
+            .map(|(estimated, late)| estimated || late)
+            .collect();
         // Some adjustments succeed only with latencies held.
-        Ok(freed.unwrap_or(held))
+        let freed = unless_cancelled((self.adjust)(input))?;
+        Ok(freed.map_or(held, attempt))
     }
 
     /// Adjusts from where two steps began and, if that holds, from their result, which is one of several minima: only if

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::random_drive::{Ended, without_fault};
+use crate::common::random_drive::{Ended, with_fault, without_fault};
 use crate::common::random_series::Series;
 use crate::common::ranks::{LEVEL, probability};
 use boresight::simulation::Extent;
@@ -33,6 +33,20 @@ fn a_tiny_drive_without_boards_is_right_or_says_that_it_is_not() {
 #[ignore = "just acceptance"]
 fn tiny_drives_that_two_steps_lead_astray_are_adjusted_from_the_initial_values() {
     assert_right_or_said(&[2, 13, 15]);
+}
+
+/// The first drives with a step of positions, gyros with a wrong scale, a late scanner, ranges that are too long, and a clock
+/// of positions that runs fast.
+#[test]
+#[ignore = "just acceptance"]
+fn faults_of_tiny_drives_are_named() {
+    for seed in [1, 2, 4, 5, 6] {
+        let folder = tempfile::tempdir().unwrap();
+        let ended = Ended::of_seed(seed, &with_fault(Extent::TINY), folder.path()).unwrap();
+        println!("{seed}: {}\n    {}", ended.drawn, ended.line());
+        assert_eq!(ended.is_named, Some(true), "{seed}: {}", ended.line());
+        assert!(ended.false_alarms.is_empty(), "{seed}: {}", ended.line());
+    }
 }
 
 fn assert_right_or_said(seeds: &[u64]) {

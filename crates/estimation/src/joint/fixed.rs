@@ -1,7 +1,7 @@
 //! Parameters of mountings that the project fixes, tested against the drive.
 
 use super::adjust::Outcome;
-use super::input::{JointDrive, JointInput};
+use super::input::JointInput;
 use super::model::contradictions;
 use super::result::Joint;
 use crate::calibration::{Mounting, PARAMETER_NAMES, change};
@@ -40,22 +40,10 @@ pub fn check(
 
 /// The same data with all parameters free.
 fn freed<'a>(input: &JointInput<'a>) -> JointInput<'a> {
-    let drive = |drive: &JointDrive<'a>| JointDrive {
-        name: drive.name.clone(),
-        motion: drive.motion.boxed(),
-        scans: drive.scans.clone(),
-        frame: drive.frame.clone(),
-    };
-    let free = |mounting: &Mounting| Mounting {
-        fixed: [false; 6],
-        ..mounting.clone()
-    };
-    JointInput {
-        mountings: input.mountings.iter().map(free).collect(),
-        estimate_latency: input.estimate_latency.clone(),
-        drives: input.drives.iter().map(drive).collect(),
-        ..*input
-    }
+    let mut freed = input.clone();
+    let mountings = freed.mountings.iter_mut();
+    mountings.for_each(|mounting| mounting.fixed = [false; 6]);
+    freed
 }
 
 /// The fixed parameters that an adjustment with free ones finds off, in words, beyond what a constant of the project may be.

@@ -27,7 +27,19 @@ pub struct JointDrive<'a> {
     pub frame: Option<FrameLog>,
 }
 
+impl Clone for JointDrive<'_> {
+    fn clone(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            motion: self.motion.boxed(),
+            scans: self.scans.clone(),
+            frame: self.frame.clone(),
+        }
+    }
+}
+
 /// The data that are adjusted together.
+#[derive(Clone)]
 pub struct JointInput<'a> {
     /// Start values of the mountings, one per scanner.
     pub mountings: Vec<Mounting>,

@@ -5,6 +5,7 @@ use super::bend::Rung;
 use super::conclude::not_determined;
 use super::fixed;
 use super::input::{JointDrive, JointInput};
+use super::late;
 use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
 use super::settings::{JointSettings, MountingMotion};
@@ -79,6 +80,13 @@ pub fn adjust(
         };
         if ladder.is_empty() && !reasons.is_empty() {
             fixed::check(input, |freed| at(freed, rung, false))?;
+            if let Some(joint) = late::explained(input, |freed| at(freed, rung, next.is_some()))? {
+                progress.say(&format!(
+                    "the mountings are {}, but scanners are late",
+                    rung.name()
+                ));
+                break joint;
+            }
         }
         match (outcome, next) {
             (_, Some(next)) if !reasons.is_empty() => {

@@ -6,7 +6,7 @@ use crate::calibration::{Mounting, change};
 use crate::geometry::euler::{euler_deg_from_rotation, rotation_from_euler_deg};
 use crate::geometry::{EulerConvention, Vec3};
 use crate::joint::adjust::at_rung;
-use crate::joint::{Joint, JointInput, Rung, adjust, consider_start, fixed};
+use crate::joint::{Joint, JointInput, Rung, adjust, consider_start, fixed, late};
 use crate::progress::Silent;
 
 fn adjusted(case: &Case) -> Joint {
@@ -121,6 +121,34 @@ fn a_fixed_value_that_the_drive_contradicts_is_named() {
         text.contains(&format!("tx of `{name}` is off by +")),
         "{text}"
     );
+}
+
+#[test]
+fn where_a_late_scanner_contradicts_a_rung_only_its_latency_is_estimated() {
+    let mut case = Case {
+        reference: Case::full().reference,
+        ..Case::plain()
+    };
+    let explained = |case: &Case| {
+        let at_lowest = |input: &JointInput<'_>| {
+            let (settings, rung) = (&case.settings, Rung::Rigid);
+            at_rung(input, settings, SURFEL_M, rung, true, &mut None, &Silent)
+        };
+        late::explained(&case.input(), at_lowest).unwrap()
+    };
+    assert!(explained(&case).is_none());
+    let latency_s = 8e-3;
+    let profiles = &mut case.samples[0].profiles;
+    profiles
+        .iter_mut()
+        .for_each(|profile| profile.time_s += latency_s);
+    let joint = explained(&case).expect("the right latency");
+    let (late_s, sigma_s) = joint.late_s[0].expect("estimated");
+    println!("{late_s:e} ± {sigma_s:e}");
+    assert!((late_s - latency_s).abs() < 4.0 * sigma_s && late_s.abs() > 5.0 * sigma_s);
+    assert_eq!(joint.late_s[1], None);
+    case.estimate_latency = vec![true, true];
+    assert!(explained(&case).is_none());
 }
 
 #[test]

@@ -1,0 +1,53 @@
+//! Latencies of scanners, which are held unless the drive contradicts them: estimating one costs tx a third of its accuracy.
+
+use super::adjust::Outcome;
+use super::input::JointInput;
+use super::model::contradictions;
+use super::result::Joint;
+use super::score::Score;
+use crate::error::{Result, unless_cancelled};
+
+/// A scanner is late if its latency is more than this many standard deviations and more than `LEAST_LATENCY_S`, seconds.
+const LATE_SIGMAS: f64 = 5.0;
+const LEAST_LATENCY_S: f64 = 0.002;
+
+/// Whether a latency, or the estimate of one that was held, says that a scanner is late.
+pub fn is_late(latency: &Score) -> bool {
+    latency.value.abs() > LEAST_LATENCY_S && latency.sigmas() > LATE_SIGMAS
+}
+
+/// Where a drive contradicts the lowest rung, the adjustment at that rung with the latencies of late scanners free, if
+/// nothing contradicts it: otherwise mountings would move to make up for time stamps that are wrong. `None` if no scanner
+/// is late, or that does not explain the drive. `at_lowest` adjusts at that rung.
+///
+/// # Errors
+/// [`Error::Cancelled`](crate::error::Error::Cancelled).
+pub fn explained(
+    input: &JointInput<'_>,
+    mut at_lowest: impl FnMut(&JointInput<'_>) -> Result<Outcome>,
+) -> Result<Option<Joint>> {
+    if input.known.is_some() || !input.estimate_latency.contains(&false) {
+        return Ok(None);
+    }
+    let mut holds = |free: Vec<bool>| -> Result<Option<Joint>> {
+        let mut freed = input.clone();
+        freed.estimate_latency = free;
+        let joint = match unless_cancelled(at_lowest(&freed))? {
+            Some(Outcome::Found(joint)) => Some(*joint),
+            _ => None,
+        };
+        Ok(joint.filter(|joint| contradictions(joint).is_empty()))
+    };
+    let Some(all_free) = holds(vec![true; input.mountings.len()])? else {
+        return Ok(None);
+    };
+    let is_free = |(latency, stated): (&Option<(f64, f64)>, &bool)| {
+        *stated || latency.is_some_and(|(value, sigma)| is_late(&Score { value, sigma }))
+    };
+    let latencies = all_free.late_s.iter().zip(&input.estimate_latency);
+    let free: Vec<bool> = latencies.map(is_free).collect();
+    if free == input.estimate_latency {
+        return Ok(None);
+    }
+    Ok(Some(holds(free)?.unwrap_or(all_free)))
+}
