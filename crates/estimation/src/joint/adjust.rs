@@ -40,9 +40,26 @@ const MAX_KEYFRAME_STEPS: usize = 64;
 pub enum Outcome {
     /// The adjusted values.
     Found(Box<Joint>),
-    /// Reasons why the mountings move more than the rung allows; if this is evident, the adjustment stops
-    /// before it has settled.
-    Contradicted(Vec<String>),
+    /// The mountings seem to move more than the rung allows; if this is evident, the adjustment stops before it has settled.
+    Contradicted(Contradiction),
+}
+
+/// Why the data contradict a rung.
+pub struct Contradiction {
+    /// What they contradict.
+    pub reasons: Vec<String>,
+    /// Whether the latency of a scanner, which was held, may be the cause.
+    pub is_scanner_late: bool,
+}
+
+impl Outcome {
+    fn contradicted(reasons: Vec<String>, problem: &JointProblem<'_>, state: &State) -> Self {
+        let is_scanner_late = problem.is_a_scanner_late(state);
+        Self::Contradicted(Contradiction {
+            reasons,
+            is_scanner_late,
+        })
+    }
 }
 
 /// The points sorted into surfels with the start values, where all rungs begin.
@@ -157,7 +174,7 @@ pub fn at_rung(
             steps.step(&mut problem, &mut state)?;
             let reasons = scan_contradictions(&problem, &state, EVIDENT_TO_SCANS);
             if !reasons.is_empty() {
-                return Ok(Outcome::Contradicted(reasons));
+                return Ok(Outcome::contradicted(reasons, &problem, &state));
             }
         }
         steps.settle(&mut problem, &mut state, round.settled_sigmas())?;
@@ -169,7 +186,7 @@ pub fn at_rung(
         if may_climb && !again {
             let reasons = evident(&mut problem, &state, round, progress)?;
             if !reasons.is_empty() {
-                return Ok(Outcome::Contradicted(reasons));
+                return Ok(Outcome::contradicted(reasons, &problem, &state));
             }
         }
         // The size of the motion is estimated before points are sorted by it.
@@ -197,7 +214,7 @@ pub fn at_rung(
                 let mut reasons = imu_contradictions(&problem, &state, &components, 1.0);
                 reasons.extend(scan_contradictions(&problem, &state, 1.0));
                 if !reasons.is_empty() {
-                    return Ok(Outcome::Contradicted(reasons));
+                    return Ok(Outcome::contradicted(reasons, &problem, &state));
                 }
             }
             // Knots follow slow motions, and beyond the highest rung of the settings there are none.
@@ -207,7 +224,7 @@ pub fn at_rung(
                 SlowMotions::default()
             };
             if may_climb && let Some(reason) = slow.contradiction(&problem, rung) {
-                return Ok(Outcome::Contradicted(vec![reason]));
+                return Ok(Outcome::contradicted(vec![reason], &problem, &state));
             }
             let joint = conclude(&problem, &state, &components, &slow, stop, steps.iterations)?;
             return Ok(Outcome::Found(Box::new(joint)));

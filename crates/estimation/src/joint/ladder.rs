@@ -5,7 +5,7 @@ use super::bend::Rung;
 use super::conclude::not_determined;
 use super::fixed;
 use super::input::{JointDrive, JointInput};
-use super::late;
+use super::late::{self, is_late};
 use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
 use super::settings::{JointSettings, MountingMotion};
@@ -74,13 +74,19 @@ pub fn adjust(
                 outcome?
             }
         };
-        let reasons = match &outcome {
-            Outcome::Found(joint) => contradictions(joint),
-            Outcome::Contradicted(reasons) => reasons.clone(),
+        let (reasons, is_scanner_late) = match &outcome {
+            Outcome::Found(joint) => {
+                let mut late = joint.late_scores.iter().flatten();
+                (contradictions(joint), late.any(is_late))
+            }
+            Outcome::Contradicted(by) => (by.reasons.clone(), by.is_scanner_late),
         };
         if ladder.is_empty() && !reasons.is_empty() {
             fixed::check(input, |freed| at(freed, rung, false))?;
-            if let Some(joint) = late::explained(input, |freed| at(freed, rung, next.is_some()))? {
+            if is_scanner_late
+                && let Some(joint) =
+                    late::explained(input, |freed| at(freed, rung, next.is_some()))?
+            {
                 progress.say(&format!(
                     "the mountings are {}, but scanners are late",
                     rung.name()

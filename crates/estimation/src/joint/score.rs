@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use super::late::is_late;
 use super::layout::UP;
 use super::problem::JointProblem;
 use super::row::RowBatch;
@@ -105,6 +106,25 @@ impl JointProblem<'_> {
             ..down
         });
         scores
+    }
+
+    /// Whether the latency of a scanner is held that the rows contradict, with the factor at a state nearby.
+    pub fn is_a_scanner_late(&self, state: &State) -> bool {
+        let held = self.input.estimate_latency.iter().enumerate();
+        let held: Vec<usize> = held.filter(|(_, free)| !**free).map(|(s, _)| s).collect();
+        if held.is_empty() || self.input.known.is_some() {
+            return false;
+        }
+        let mut blocks = self.layout.of_scanners.clone();
+        for (&scanner, place) in held.iter().zip(self.layout.sizes.len()..) {
+            blocks.late[scanner] = Some(place);
+        }
+        let visit = |visit: &mut dyn FnMut(&RowBatch)| self.visit_with(state, &blocks, visit);
+        self.held_values(held.len(), None, visit)
+            .is_some_and(|values| {
+                let mut scores = (0..held.len()).filter_map(|value| values.score(value));
+                scores.any(|score| is_late(&score))
+            })
     }
 
     /// The largest change of a parameter of a mounting with a held value, in standard deviations of the parameter.

@@ -147,6 +147,8 @@ fn where_a_late_scanner_contradicts_a_rung_only_its_latency_is_estimated() {
     println!("{late_s:e} ± {sigma_s:e}");
     assert!((late_s - latency_s).abs() < 4.0 * sigma_s && late_s.abs() > 5.0 * sigma_s);
     assert_eq!(joint.late_s[1], None);
+    let joint = adjusted(&case);
+    assert_eq!((joint.rung, joint.late_s[0].is_some()), (Rung::Rigid, true));
     case.estimate_latency = vec![true, true];
     assert!(explained(&case).is_none());
 }
