@@ -6,9 +6,7 @@
 use super::joint_input::{Drive, surfel_m};
 use crate::calibration::{Calibration, INITIAL_SIGMA, Minimum, Mounting, Reach, change, is_within};
 use crate::error::{Error, Problem, Result, unless_cancelled};
-use crate::joint::{
-    Joint, JointInput, LateScanner, Score, adjust, contradictions, is_late, is_weak,
-};
+use crate::joint::{Joint, JointInput, LateScanner, Score, adjust, contradictions, is_weak};
 use crate::judgement;
 use crate::number;
 use crate::progress::Progress;
@@ -148,7 +146,7 @@ impl Starts<'_> {
         input.mountings = start.to_vec();
         input.estimate_latency.clone_from(&self.stated_latency);
         let joint = (self.adjust)(input)?;
-        let late = |score: &Option<Score>| score.as_ref().is_some_and(is_late);
+        let late = |score: &Option<Score>| score.is_some_and(|score| score.is_late());
         let late: Vec<bool> = joint.late_scores.iter().map(late).collect();
         let attempt = |joint| Attempt {
             joint,

@@ -5,9 +5,11 @@ use super::bend::Rung;
 use super::conclude::not_determined;
 use super::fixed;
 use super::input::{JointDrive, JointInput};
-use super::late::{self, is_late};
+use super::late;
+
 use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
+use super::score::Score;
 use super::settings::{JointSettings, MountingMotion};
 use crate::error::{Error, Result};
 use crate::progress::{Progress, Steps};
@@ -77,7 +79,7 @@ pub fn adjust(
         let (reasons, is_scanner_late) = match &outcome {
             Outcome::Found(joint) => {
                 let mut late = joint.late_scores.iter().flatten();
-                (contradictions(joint), late.any(is_late))
+                (contradictions(joint), late.any(Score::is_late))
             }
             Outcome::Contradicted(by) => (by.reasons.clone(), by.is_scanner_late),
         };

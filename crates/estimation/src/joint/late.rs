@@ -7,15 +7,6 @@ use super::result::Joint;
 use super::score::Score;
 use crate::error::{Result, unless_cancelled};
 
-/// A scanner is late if its latency is more than this many standard deviations and more than `LEAST_LATENCY_S`, seconds.
-const LATE_SIGMAS: f64 = 5.0;
-const LEAST_LATENCY_S: f64 = 0.002;
-
-/// Whether a latency, or the estimate of one that was held, says that a scanner is late.
-pub fn is_late(latency: &Score) -> bool {
-    latency.value.abs() > LEAST_LATENCY_S && latency.sigmas() > LATE_SIGMAS
-}
-
 /// Where a drive contradicts the lowest rung, the adjustment at that rung with the latencies of late scanners free, if
 /// nothing contradicts it: otherwise mountings would move to make up for time stamps that are wrong. `None` if no scanner
 /// is late, or that does not explain the drive. `at_lowest` adjusts at that rung.
@@ -42,7 +33,7 @@ pub fn explained(
         return Ok(None);
     };
     let is_free = |(latency, stated): (&Option<(f64, f64)>, &bool)| {
-        *stated || latency.is_some_and(|(value, sigma)| is_late(&Score { value, sigma }))
+        *stated || latency.is_some_and(|(value, sigma)| Score { value, sigma }.is_late())
     };
     let latencies = all_free.late_s.iter().zip(&input.estimate_latency);
     let free: Vec<bool> = latencies.map(is_free).collect();

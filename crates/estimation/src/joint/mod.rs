@@ -48,7 +48,6 @@ mod tests;
 pub use bend::{BENDING_STEP_S, COMPLIANCE, Compliance, Rung, loads};
 pub use input::{JointDrive, JointInput, Scans};
 pub use ladder::adjust;
-pub use late::is_late;
 pub use model::{DECIDING_BLOCK_S, MAX_BLOCK_RMS, contradictions, max_imu_ratio, misfit};
 pub use motion::{ChainMotion, CorrectedPoses, CorrelatedError};
 pub use motion::{PositionBlocks, PositionResiduals};

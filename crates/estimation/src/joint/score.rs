@@ -3,11 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::late::is_late;
 use super::layout::UP;
 use super::problem::JointProblem;
 use super::row::RowBatch;
 use super::state::State;
+
+/// A scanner is late if its latency is more than this many standard deviations and more than `LEAST_LATENCY_S`, seconds.
+const LATE_SIGMAS: f64 = 5.0;
+const LEAST_LATENCY_S: f64 = 0.002;
 
 /// The value that would fit best, and its standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -22,6 +25,11 @@ impl Score {
     /// The absolute value in standard deviations.
     pub fn sigmas(&self) -> f64 {
         self.value.abs() / self.sigma
+    }
+
+    /// Whether this latency, or the estimate of one that was held, says that a scanner is late.
+    pub fn is_late(&self) -> bool {
+        self.value.abs() > LEAST_LATENCY_S && self.sigmas() > LATE_SIGMAS
     }
 }
 
@@ -123,7 +131,7 @@ impl JointProblem<'_> {
         self.held_values(held.len(), None, visit)
             .is_some_and(|values| {
                 let mut scores = (0..held.len()).filter_map(|value| values.score(value));
-                scores.any(|score| is_late(&score))
+                scores.any(|score| score.is_late())
             })
     }
 
