@@ -6,7 +6,6 @@ use super::conclude::not_determined;
 use super::fixed;
 use super::input::{JointDrive, JointInput};
 use super::late;
-
 use super::model::{IMU, contradictions};
 use super::result::{Climb, Joint};
 use super::score::Score;
