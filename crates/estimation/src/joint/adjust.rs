@@ -6,7 +6,9 @@ use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
-use super::model::{EVIDENT_TO_IMU, EVIDENT_TO_SCANS, imu_contradictions, scan_contradictions};
+use super::model::{
+    EVIDENT_TO_IMU, EVIDENT_TO_SCANS, contradictions, imu_contradictions, scan_contradictions,
+};
 use super::problem::JointProblem;
 use super::result::Joint;
 use super::rounds::{
@@ -17,7 +19,7 @@ use super::slow::SlowMotions;
 use super::state::State;
 use super::surfel::{Association, Gates, Grid, LEAST_SIGMA_M, ReferenceCells, associate, profiles};
 use crate::adjustment::StopReason;
-use crate::error::{Error, Problem, Result};
+use crate::error::{Error, Problem, Result, unless_cancelled};
 use crate::geometry::Vec3;
 use crate::progress::Progress;
 
@@ -42,6 +44,17 @@ pub enum Outcome {
     Found(Box<Joint>),
     /// The mountings seem to move more than the rung allows; if this is evident, the adjustment stops before it has settled.
     Contradicted(Contradiction),
+}
+
+/// What an adjustment found, if nothing contradicts it; `None` also if it failed.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub fn holding(outcome: Result<Outcome>) -> Result<Option<Joint>> {
+    Ok(match unless_cancelled(outcome)? {
+        Some(Outcome::Found(joint)) if contradictions(&joint).is_empty() => Some(*joint),
+        _ => None,
+    })
 }
 
 /// Why the data contradict a rung.

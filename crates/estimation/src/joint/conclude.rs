@@ -59,11 +59,7 @@ pub fn conclude(
     let sigma = |a: usize| block(a, a).map(|c| root(c[(0, 0)]));
     let late_s = layout.of_scanners.late.iter().zip(&state.late_s);
     let late_s = late_s.map(|(place, value)| Some((*value, sigma((*place)?)?)));
-    // With known mountings, latencies are not tested.
-    let is_tested =
-        |s: &usize| layout.of_scanners.late[*s].is_none() && problem.input.known.is_none();
-    let tested: Vec<usize> = (0..count).filter(is_tested).collect();
-    let scores = problem.scores(factored, &tested, &covariance);
+    let scores = problem.scores(factored, &covariance);
     let constants = layout.constant_owner.iter().enumerate();
     let constants = constants.map(|(place, (drive, column))| {
         let constant = &state.motions[*drive].constants()[*column];

@@ -1,11 +1,10 @@
 //! Latencies of scanners, which are held unless the drive contradicts them: estimating one costs tx a third of its accuracy.
 
-use super::adjust::Outcome;
+use super::adjust::{Outcome, holding};
 use super::input::JointInput;
-use super::model::contradictions;
 use super::result::Joint;
 use super::score::Score;
-use crate::error::{Result, unless_cancelled};
+use crate::error::Result;
 
 /// Where a drive contradicts the lowest rung, the adjustment at that rung with the latencies of late scanners free, if
 /// nothing contradicts it: otherwise mountings would move to make up for time stamps that are wrong. `None` if no scanner
@@ -23,11 +22,7 @@ pub fn explained(
     let mut holds = |free: Vec<bool>| -> Result<Option<Joint>> {
         let mut freed = input.clone();
         freed.estimate_latency = free;
-        let joint = match unless_cancelled(at_lowest(&freed))? {
-            Some(Outcome::Found(joint)) => Some(*joint),
-            _ => None,
-        };
-        Ok(joint.filter(|joint| contradictions(joint).is_empty()))
+        holding(at_lowest(&freed))
     };
     let Some(all_free) = holds(vec![true; input.mountings.len()])? else {
         return Ok(None);

@@ -75,14 +75,15 @@ pub struct Scores {
 }
 
 impl JointProblem<'_> {
-    /// Estimates the latencies of these scanners, what is added to the ranges of each, and the height of the reference
+    /// Estimates the latencies that are held, what is added to the ranges of each scanner, and the height of the reference
     /// above the world of the poses, all of which are held, with the factor at a state. The covariance is that of (δp, δφ) of
     /// all mountings.
-    pub fn scores(&self, state: &State, late: &[usize], covariance: &DMatrix<f64>) -> Scores {
+    pub fn scores(&self, state: &State, covariance: &DMatrix<f64>) -> Scores {
         let mut blocks = self.layout.of_scanners.clone();
         let scanners = blocks.range.len();
         let mut next = self.layout.sizes.len()..;
-        for &scanner in late {
+        let late = self.held_latencies();
+        for &scanner in &late {
             blocks.late[scanner] = next.next();
         }
         blocks.range.fill_with(|| next.next());
@@ -97,7 +98,7 @@ impl JointProblem<'_> {
         let Some(held) = self.held_values(added, up, visit) else {
             return scores;
         };
-        for (value, &scanner) in late.iter().enumerate() {
+        for (value, scanner) in late.iter().copied().enumerate() {
             scores.late[scanner] = held.score(value);
         }
         for (scanner, range) in scores.range.iter_mut().enumerate() {
@@ -118,9 +119,8 @@ impl JointProblem<'_> {
 
     /// Whether the latency of a scanner is held that the rows contradict, with the factor at a state nearby.
     pub fn is_a_scanner_late(&self, state: &State) -> bool {
-        let held = self.input.estimate_latency.iter().enumerate();
-        let held: Vec<usize> = held.filter(|(_, free)| !**free).map(|(s, _)| s).collect();
-        if held.is_empty() || self.input.known.is_some() {
+        let held = self.held_latencies();
+        if held.is_empty() {
             return false;
         }
         let mut blocks = self.layout.of_scanners.clone();
@@ -133,6 +133,16 @@ impl JointProblem<'_> {
                 let mut scores = (0..held.len()).filter_map(|value| values.score(value));
                 scores.any(|score| score.is_late())
             })
+    }
+
+    /// The scanners whose latencies are held and tested: with known mountings, none.
+    fn held_latencies(&self) -> Vec<usize> {
+        if self.input.known.is_some() {
+            return Vec::new();
+        }
+        let late = self.layout.of_scanners.late.iter().enumerate();
+        let held = late.filter(|(_, place)| place.is_none());
+        held.map(|(scanner, _)| scanner).collect()
     }
 
     /// The largest change of a parameter of a mounting with a held value, in standard deviations of the parameter.

@@ -204,16 +204,14 @@ fn scores_of_held_values_are_the_estimates_of_freed_ones() {
         problem.factorise(&state).expect("positive definite");
         // Only moves of mountings are relative to it.
         let covariance = DMatrix::identity(12, 12);
+        let scores = problem.scores(&state, &covariance);
         if let Some(reference) = problem.layout.reference {
             let dense = Dense::new(&problem, &state);
             let (down, sigma) = freed(&dense, problem.offset(reference) + UP);
-            let scores = problem.scores(&state, &[], &covariance);
             let score = scores.height.expect("factorised");
             assert_near(name, score, (-down, sigma));
         }
         for scanner in 0..2 {
-            let all: Vec<usize> = (0..state.mountings.len()).collect();
-            let scores = problem.scores(&state, &all, &covariance);
             let score = scores.late[scanner].expect("factorised");
             let mut free = case.input();
             free.estimate_latency[scanner] = true;
