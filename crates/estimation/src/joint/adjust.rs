@@ -4,6 +4,7 @@
 use super::bend::{Bends, Rung};
 use super::conclude::{conclude, not_determined};
 use super::input::{JointInput, Scans};
+use super::keyframes;
 use super::layout::{Groups, REFERENCE};
 use super::learn::learn;
 use super::model::{
@@ -31,12 +32,6 @@ const MIN_SURFELS: usize = 50;
 const MAX_ROUNDS: usize = 10;
 /// Most coarse rounds: what still moves then is weakly determined, and moves less with the noise from the residuals.
 const MAX_COARSE_ROUNDS: usize = 7;
-
-/// Most entries of the factor of the normal equations, 8 bytes each: those of three drives with two
-/// profile scanners.
-const MAX_FACTOR_ENTRIES: usize = 350_000_000;
-/// Most steps from one keyframe to the next.
-const MAX_KEYFRAME_STEPS: usize = 64;
 
 /// The outcome of an adjustment.
 pub enum Outcome {
@@ -166,11 +161,10 @@ pub fn at_rung(
                 &state,
                 surface_m,
             );
-            if problem.factor_entries() <= MAX_FACTOR_ENTRIES {
-                break problem;
+            match keyframes::fewer(&problem, &keyframe_steps)? {
+                Some(fewer) => keyframe_steps = fewer,
+                None => break problem,
             }
-            let fewer = fewer_keyframes(&problem, &keyframe_steps);
-            keyframe_steps = fewer.ok_or_else(|| too_large(&problem))?;
         };
         progress.advance(1);
         if round == Round::Fine {
@@ -271,37 +265,6 @@ fn evident(
         reasons.extend(scan_contradictions(problem, state, EVIDENT_TO_SCANS));
     }
     Ok(reasons)
-}
-
-/// Keyframe intervals with half as many keyframes of the scanner with the most rows; `None` if it has few
-/// already.
-///
-/// If nearly all poses see the same surface, such as those of a robot with a long-range lidar, nearly all
-/// nodes are coupled with each other. The adjustment can do without the rows between keyframes: a surfel
-/// that stays in view is seen often enough.
-fn fewer_keyframes(problem: &JointProblem<'_>, keyframe_steps: &[usize]) -> Option<Vec<usize>> {
-    let row_count = |scanner: usize| {
-        let rows = problem.association.rows();
-        rows.filter(|row| row.scanner as usize == scanner).count()
-    };
-    let dense = (0..keyframe_steps.len()).filter(|s| 2 * keyframe_steps[*s] <= MAX_KEYFRAME_STEPS);
-    let fullest = dense.max_by_key(|&scanner| row_count(scanner))?;
-    let mut fewer = keyframe_steps.to_vec();
-    fewer[fullest] *= 2;
-    Some(fewer)
-}
-
-fn too_large(problem: &JointProblem<'_>) -> Error {
-    Error::of(
-        Problem::TooMany,
-        format!(
-            "the normal equations of the joint adjustment need {:.0} GB: too many poses see the \
-             same surface",
-            8e-9 * problem.factor_entries() as f64
-        ),
-        "shorten the drive, limit the range of the scanner, or choose larger surfels with \
-         joint.surfel_m",
-    )
 }
 
 /// Checks that enough of the surface is known or seen twice, and that each scanner saw enough of it.

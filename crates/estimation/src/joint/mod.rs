@@ -17,6 +17,7 @@ mod fixed;
 mod followed;
 mod held;
 mod input;
+mod keyframes;
 mod known;
 mod ladder;
 mod late;

@@ -138,6 +138,11 @@ impl<'a> JointProblem<'a> {
         self.system.factor_entries()
     }
 
+    /// Number of multiplications that compute the factor.
+    pub fn factor_products(&self) -> f64 {
+        self.system.factor_products()
+    }
+
     /// Index of the first scalar of a block.
     pub fn offset(&self, block: usize) -> usize {
         self.system.offset(block)

@@ -95,6 +95,17 @@ impl Supernodes {
             .sum()
     }
 
+    /// Number of multiplications that compute L: half the square of the height of each column.
+    pub fn products(&self) -> f64 {
+        let of_supernode = |supernode| {
+            let heights = (0..=self.height(supernode)).rev();
+            let of_column = |height: usize| 0.5 * (height as f64).powi(2);
+            let columns = heights.take(self.pivots(supernode).len());
+            columns.map(of_column).sum::<f64>()
+        };
+        (0..self.count()).map(of_supernode).sum()
+    }
+
     /// Positions in the rows of a supernode, ascending, and their first rows in it, then the number of rows.
     pub fn front(&self, supernode: usize) -> (&[u32], &[u32]) {
         (self.front.get(supernode), self.front_row.get(supernode))

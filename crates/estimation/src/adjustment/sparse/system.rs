@@ -58,6 +58,11 @@ impl SparseSystem {
         self.structure.l.entries()
     }
 
+    /// Number of multiplications of a factorisation.
+    pub fn factor_products(&self) -> f64 {
+        self.structure.l.products()
+    }
+
     /// Where the block H[a, b] is stored; a and b in any order.
     ///
     /// # Panics

@@ -154,6 +154,16 @@ fn products_and_solutions_agree_with_dense_algebra() {
 }
 
 #[test]
+fn a_factorisation_multiplies_half_the_squares_of_the_heights() {
+    // Two blocks that are coupled, so that columns are 5 to 1 high, and one on its own.
+    let mut pattern = BlockPattern::new(vec![2, 3, 4]);
+    pattern.couple(&[0, 1]);
+    let system = pattern.analyse(3);
+    let expected = 0.5 * f64::from(25 + 16 + 9 + 4 + 1 + 16 + 9 + 4 + 1);
+    assert_eq!(system.factor_products(), expected);
+}
+
+#[test]
 fn any_structure_is_solved() {
     for seed in 0..300 {
         let blocks = 2 + seed as usize % 14;

@@ -3,6 +3,7 @@
 use super::case::{Case, SURFEL_M};
 use crate::cloud::voxel::{VoxelKey, voxel_key};
 use crate::geometry::{Mat3, Vec3};
+use crate::joint::keyframes::thinned;
 use crate::joint::problem::JointProblem;
 use crate::joint::state::State;
 use crate::joint::surfel::{Association, ScanRow};
@@ -280,4 +281,22 @@ fn between_keyframes_a_scanner_has_no_rows() {
             .sum::<usize>()
     };
     assert!(of_left(&association) > of_left(&all) * 9 / 10);
+}
+
+#[test]
+fn keyframes_are_taken_from_the_scanner_that_sees_surfels_from_the_most_steps() {
+    let case = Case::full();
+    let input = case.input();
+    let mut association = case.associated(&input, 0.002);
+    let rows = &mut association.drives[0].rows;
+    rows.iter_mut().for_each(|row| row.scanner = 0);
+    // The second scanner sees one surfel from five steps, and the first, which has more rows, each from one.
+    rows.truncate(12);
+    (0..).zip(rows.iter_mut()).for_each(|(at, row)| {
+        row.scanner = u32::from(at >= 7);
+        row.surfel = at.min(7);
+    });
+    assert_eq!(thinned(&association, &[1, 1]), Some(vec![1, 2]));
+    assert_eq!(thinned(&association, &[1, 64]), Some(vec![2, 64]));
+    assert_eq!(thinned(&association, &[64, 64]), None);
 }
