@@ -18,7 +18,8 @@ const FEWEST_COLUMNS: usize = 90;
 /// Turns of a lidar per second, at least.
 const SLOWEST_TURNS_HZ: f64 = 5.0;
 
-/// Narrows profiles and then lowers their rate, and those of a lidar, so that a drive does not have too many rays.
+/// Narrows profiles and then lowers their rate, so that a drive does not have too many rays, and the same for a lidar, of
+/// which rings are then left out.
 pub(super) fn limit(extent: &Extent, scenario: &mut Scenario) {
     let duration_s = Drive::planned_s(scenario, 0);
     let slowest_hz = slowest_profiles_hz(scenario).max(SLOWEST_HZ);
@@ -39,6 +40,8 @@ pub(super) fn limit(extent: &Extent, scenario: &mut Scenario) {
         SLOWEST_TURNS_HZ,
         most_hz / lidar.columns as f64,
     );
+    let rays = duration_s * lidar.rate_hz * lidar.columns as f64;
+    lidar.rings = narrowed(lidar.rings, 1, extent.most_rays / rays);
 }
 
 /// At most so many rays, but at least the fewest.
@@ -59,16 +62,18 @@ mod tests {
     fn drives_have_at_most_as_many_rays_unless_fewer_tell_nothing() {
         for seed in 0..100 {
             let scenario = Scenario::random(seed, &Extent::TINY);
+            let duration_s = Drive::planned_s(&scenario, 0);
+            let most = 1.001 * Extent::TINY.most_rays;
             let fans = scenario.scanners_of(ScannerKind::Profile).len() as f64;
             let profiles = &scenario.profiles;
-            let duration_s = Drive::planned_s(&scenario, 0);
             let rays = duration_s * fans * profiles.rate_hz * profiles.width as f64;
             let slowest_hz = slowest_profiles_hz(&scenario).max(SLOWEST_HZ);
             let is_least = profiles.width == NARROWEST && profiles.rate_hz <= slowest_hz;
-            assert!(
-                is_least || rays <= 1.001 * Extent::TINY.most_rays,
-                "{seed}: {rays}"
-            );
+            assert!(is_least || rays <= most, "{seed}: {rays}");
+            let lidar = &scenario.lidar;
+            let in_turn = (lidar.rings * lidar.columns) as f64;
+            let rays = duration_s * lidar.rate_hz * in_turn;
+            assert!(lidar.rings == 1 || rays <= most, "{seed}: {rays}");
         }
     }
 }
