@@ -16,9 +16,6 @@ pub fn explained(
     input: &JointInput<'_>,
     mut at_lowest: impl FnMut(&JointInput<'_>) -> Result<Outcome>,
 ) -> Result<Option<Joint>> {
-    if input.known.is_some() || !input.estimate_latency.contains(&false) {
-        return Ok(None);
-    }
     let mut holds = |free: Vec<bool>| -> Result<Option<Joint>> {
         let mut freed = input.clone();
         freed.estimate_latency = free;

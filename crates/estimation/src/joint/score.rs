@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::layout::UP;
+use super::layout::{ScannerBlocks, UP};
 use super::problem::JointProblem;
 use super::row::RowBatch;
 use super::state::State;
@@ -79,13 +79,10 @@ impl JointProblem<'_> {
     /// above the world of the poses, all of which are held, with the factor at a state. The covariance is that of (δp, δφ) of
     /// all mountings.
     pub fn scores(&self, state: &State, covariance: &DMatrix<f64>) -> Scores {
-        let mut blocks = self.layout.of_scanners.clone();
-        let scanners = blocks.range.len();
-        let mut next = self.layout.sizes.len()..;
         let late = self.held_latencies();
-        for &scanner in &late {
-            blocks.late[scanner] = next.next();
-        }
+        let mut blocks = self.with_latencies(&late);
+        let scanners = blocks.range.len();
+        let mut next = self.layout.sizes.len() + late.len()..;
         blocks.range.fill_with(|| next.next());
         let up = self.layout.reference.map(|block| self.offset(block) + UP);
         let added = late.len() + scanners;
@@ -98,7 +95,7 @@ impl JointProblem<'_> {
         let Some(held) = self.held_values(added, up, visit) else {
             return scores;
         };
-        for (value, scanner) in late.iter().copied().enumerate() {
+        for (value, &scanner) in late.iter().enumerate() {
             scores.late[scanner] = held.score(value);
         }
         for (scanner, range) in scores.range.iter_mut().enumerate() {
@@ -123,10 +120,7 @@ impl JointProblem<'_> {
         if held.is_empty() {
             return false;
         }
-        let mut blocks = self.layout.of_scanners.clone();
-        for (&scanner, place) in held.iter().zip(self.layout.sizes.len()..) {
-            blocks.late[scanner] = Some(place);
-        }
+        let blocks = self.with_latencies(&held);
         let visit = |visit: &mut dyn FnMut(&RowBatch)| self.visit_with(state, &blocks, visit);
         self.held_values(held.len(), None, visit)
             .is_some_and(|values| {
@@ -143,6 +137,15 @@ impl JointProblem<'_> {
         let late = self.layout.of_scanners.late.iter().enumerate();
         let held = late.filter(|(_, place)| place.is_none());
         held.map(|(scanner, _)| scanner).collect()
+    }
+
+    /// The blocks of all scanners, with latencies that are held at the first places after all unknowns.
+    fn with_latencies(&self, held: &[usize]) -> ScannerBlocks {
+        let mut blocks = self.layout.of_scanners.clone();
+        for (&scanner, place) in held.iter().zip(self.layout.sizes.len()..) {
+            blocks.late[scanner] = Some(place);
+        }
+        blocks
     }
 
     /// The largest change of a parameter of a mounting with a held value, in standard deviations of the parameter.

@@ -97,13 +97,11 @@ impl Supernodes {
 
     /// Number of multiplications that compute L: half the square of the height of each column.
     pub fn products(&self) -> f64 {
-        let of_supernode = |supernode| {
-            let heights = (0..=self.height(supernode)).rev();
-            let of_column = |height: usize| 0.5 * (height as f64).powi(2);
-            let columns = heights.take(self.pivots(supernode).len());
-            columns.map(of_column).sum::<f64>()
-        };
-        (0..self.count()).map(of_supernode).sum()
+        let heights = (0..self.count()).flat_map(|s| {
+            let columns = 0..self.pivots(s).len();
+            columns.map(move |column| self.height(s) - column)
+        });
+        heights.map(|height| 0.5 * (height as f64).powi(2)).sum()
     }
 
     /// Positions in the rows of a supernode, ascending, and their first rows in it, then the number of rows.
