@@ -3,8 +3,8 @@
 use super::dense::{Part, Shape, Target, add_product, cholesky};
 use super::inverse::SelectedInverse;
 use super::structure::{NotPositiveBlock, Structure};
+use super::supernodes::RowRun;
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// The Cholesky factor of normal equations.
@@ -37,9 +37,12 @@ impl SparseFactor {
             let failed = panels.par_iter_mut().map_init(
                 Workspace::default,
                 |workspace, (supernode, panel)| {
-                    workspace
-                        .eliminate(structure, &self.values, h, *supernode, panel)
-                        .err()
+                    let elimination = Elimination {
+                        structure,
+                        values: &self.values,
+                        supernode: *supernode,
+                    };
+                    elimination.run(h, panel, workspace).err()
                 },
             );
             let failed = failed.flatten().min();
@@ -180,82 +183,130 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Columns of a supernode that are computed together, by one thread.
+const TILE: usize = 64;
+
 /// What the elimination of a supernode needs beside its values.
 #[derive(Default)]
 struct Workspace {
-    runs: Vec<Range<usize>>,
+    /// Where the rows of the updates lie in the supernode, and for each update the first of its runs, then their number.
+    runs: Vec<RowRun>,
+    first_run: Vec<usize>,
     product: Vec<f64>,
 }
 
-impl Workspace {
-    /// Computes the values of a supernode from H and from those on which it depends.
+/// The elimination of a supernode.
+struct Elimination<'a> {
+    structure: &'a Structure,
+    /// The values of earlier supernodes.
+    values: &'a [Vec<f64>],
+    supernode: usize,
+}
+
+impl Elimination<'_> {
+    /// Computes the values of the supernode from H and from those on which it depends.
     ///
     /// # Errors
     /// The scalar whose pivot is not positive or not finite.
-    fn eliminate(
-        &mut self,
-        structure: &Structure,
-        values: &[Vec<f64>],
-        h: &[f64],
-        supernode: usize,
-        panel: &mut [f64],
-    ) -> Result<(), usize> {
-        let Self { runs, product } = self;
-        let l = &structure.l;
-        let (pivots, height) = (l.pivots(supernode), l.height(supernode));
+    fn run(&self, h: &[f64], panel: &mut [f64], workspace: &mut Workspace) -> Result<(), usize> {
+        let Workspace {
+            runs,
+            first_run,
+            product,
+        } = workspace;
+        let l = &self.structure.l;
+        let (pivots, height) = (l.pivots(self.supernode), l.height(self.supernode));
+        self.fill(h, panel, runs);
+        runs.clear();
+        first_run.clear();
+        for update in l.updates(self.supernode) {
+            first_run.push(runs.len());
+            let (positions, rows) = l.front(update.from as usize);
+            let first = update.first as usize;
+            let begin = rows[first] as usize;
+            l.append_runs(self.supernode, &positions[first..], begin, runs);
+        }
+        first_run.push(runs.len());
+        let runs_of = |update: usize| &runs[first_run[update]..first_run[update + 1]];
+        if pivots.len() > TILE {
+            let tiles = panel.par_chunks_mut(TILE * height).enumerate();
+            tiles.for_each_init(Vec::new, |product, (tile, columns)| {
+                self.update(tile * TILE, columns, runs_of, product);
+            });
+        } else {
+            self.update(0, panel, runs_of, product);
+        }
+        cholesky(panel, height, 0, pivots.len()).map_err(|column| pivots.start + column)
+    }
+
+    /// The columns of H.
+    fn fill(&self, h: &[f64], panel: &mut [f64], runs: &mut Vec<RowRun>) {
+        let (structure, l) = (self.structure, &self.structure.l);
         panel.fill(0.0);
-        let mut columns = panel.chunks_exact_mut(height);
-        let (front, _) = l.front(supernode);
+        let mut columns = panel.chunks_exact_mut(l.height(self.supernode));
+        let (front, _) = l.front(self.supernode);
         let positions = front.iter().map(|&position| position as usize);
-        for position in positions.take_while(|&position| l.of(position) == supernode) {
-            l.runs(supernode, structure.coupled(position), runs);
+        for position in positions.take_while(|&position| l.of(position) == self.supernode) {
+            runs.clear();
+            l.append_runs(self.supernode, structure.coupled(position), 0, runs);
             let of_h = h[structure.columns(position)].chunks_exact(structure.height(position));
             for (from, to) in of_h.zip(&mut columns) {
-                let mut rest = from;
                 for run in &*runs {
-                    let (values, others) = rest.split_at(run.len());
-                    to[run.clone()].copy_from_slice(values);
-                    rest = others;
+                    to[run.to..run.to_end()].copy_from_slice(&from[run.begin..run.end]);
                 }
             }
         }
-        for update in l.updates(supernode) {
+    }
+
+    /// Subtracts the products of earlier supernodes from columns, `first` of the supernode and those after it.
+    fn update<'r>(
+        &self,
+        first: usize,
+        columns: &mut [f64],
+        runs_of: impl Fn(usize) -> &'r [RowRun],
+        product: &mut Vec<f64>,
+    ) {
+        let l = &self.structure.l;
+        let height = l.height(self.supernode);
+        let end = first + columns.len() / height;
+        for (i, update) in l.updates(self.supernode).iter().enumerate() {
+            let runs = runs_of(i);
+            let runs = &runs[runs.partition_point(|run| run.to_end() <= first)..];
+            let own = &runs[..runs.partition_point(|run| run.to < end)];
+            let (Some(top), Some(bottom)) = (own.first(), own.last()) else {
+                continue;
+            };
+            let top = top.begin + first.saturating_sub(top.to);
+            let bottom = bottom.end.min(bottom.begin + end - bottom.to);
             let from = update.from as usize;
-            let (positions, rows) = l.front(from);
-            let (first, end) = (update.first as usize, update.end as usize);
             let (from_height, inner) = (l.height(from), l.pivots(from).len());
-            let top = rows[first] as usize;
-            let (count, columns) = (from_height - top, rows[end] as usize - top);
-            let a = Part::of(&values[from][top..], from_height);
-            product.resize(product.len().max(count * columns), 0.0);
+            let count = from_height - top;
+            let a = Part::of(&self.values[from][top..], from_height);
+            product.resize(product.len().max(count * (bottom - top)), 0.0);
             let target = Target {
-                data: &mut product[..count * columns],
+                data: &mut product[..count * (bottom - top)],
                 height: count,
                 rows: count,
-                columns,
+                columns: bottom - top,
                 shape: Shape::Lower,
             };
             add_product(0.0, target, 1.0, a, a.transpose(), inner);
-            l.runs(supernode, &positions[first..], runs);
-            let own = runs.iter().cloned().flatten();
-            for (k, (column, product)) in own
-                .zip(product.chunks_exact(count))
-                .take(columns)
-                .enumerate()
-            {
-                let to = &mut panel[column * height..][..height];
-                let mut begin = 0;
-                for run in &*runs {
+            for (at, run) in own.iter().enumerate() {
+                for row in run.begin.max(top)..run.end.min(bottom) {
+                    let column = run.to + row - run.begin - first;
+                    let to = &mut columns[column * height..][..height];
+                    let product = &product[(row - top) * count..][..count];
                     // Nothing is computed above the diagonal.
-                    let skipped = k.saturating_sub(begin).min(run.len());
-                    let to = &mut to[run.start + skipped..run.end];
-                    for (to, from) in to.iter_mut().zip(&product[begin + skipped..]) {
-                        *to -= from;
+                    for below in &runs[at..] {
+                        let begin = below.begin.max(row);
+                        let to = &mut to[below.to + begin - below.begin..];
+                        let product = &product[begin - top..below.end - top];
+                        for (to, from) in to.iter_mut().zip(product) {
+                            *to -= from;
+                        }
                     }
-                    begin += run.len();
                 }
             }
         }
-        cholesky(panel, height, 0, pivots.len()).map_err(|column| pivots.start + column)
     }
 }

@@ -123,16 +123,18 @@ impl SelectedInverse {
             let ancestor = structure.l.of(front[first] as usize);
             let (pivots, stride) = (structure.l.pivots(ancestor), structure.l.height(ancestor));
             let values = &self.values[ancestor];
-            structure.l.runs(ancestor, &front[first..], &mut runs);
+            runs.clear();
+            structure
+                .l
+                .append_runs(ancestor, &front[first..], 0, &mut runs);
             let end = first + structure.count_before(&front[first..], pivots.end);
             for (i, &position) in front.iter().enumerate().take(end).skip(first) {
                 let column = structure.start[position as usize] - pivots.start;
                 for c in 0..structure.size(position as usize) {
                     let from = &values[(column + c) * stride..][..stride];
-                    let mut to = (place(i) + c) * height + place(first);
+                    let to = &mut separator[(place(i) + c) * height + place(first)..];
                     for run in &runs {
-                        separator[to..to + run.len()].copy_from_slice(&from[run.clone()]);
-                        to += run.len();
+                        to[run.begin..run.end].copy_from_slice(&from[run.to..run.to_end()]);
                     }
                 }
             }

@@ -13,9 +13,25 @@ const RELAXED: [(usize, f64); 4] = [(4, 1.0), (16, 0.8), (48, 0.1), (usize::MAX,
 pub struct Update {
     /// The earlier supernode.
     pub from: u32,
-    /// Its rows that are columns of the later one, among its positions.
+    /// The first of its rows that are columns of the later one, among its positions.
     pub first: u32,
-    pub end: u32,
+}
+
+/// Rows of a matrix that are neighbours in a supernode, too.
+#[derive(Debug, Clone, Copy)]
+pub struct RowRun {
+    /// The first row in the matrix, and the row after the last.
+    pub begin: usize,
+    pub end: usize,
+    /// The first row in the supernode.
+    pub to: usize,
+}
+
+impl RowRun {
+    /// The row in the supernode after the last.
+    pub fn to_end(&self) -> usize {
+        self.to + self.end - self.begin
+    }
 }
 
 /// The supernodes of L.
@@ -109,20 +125,29 @@ impl Supernodes {
         (self.front.get(supernode), self.front_row.get(supernode))
     }
 
-    /// The rows of a supernode that belong to these positions (ascending), which must all be among its rows.
-    pub fn runs(&self, supernode: usize, positions: &[u32], runs: &mut Vec<Range<usize>>) {
+    /// Appends where the rows of a matrix lie in a supernode: those of positions (ascending) that must all be among its
+    /// rows, from row `begin` of the matrix on.
+    pub fn append_runs(
+        &self,
+        supernode: usize,
+        positions: &[u32],
+        mut begin: usize,
+        runs: &mut Vec<RowRun>,
+    ) {
         let (front, front_row) = self.front(supernode);
-        runs.clear();
+        let first = runs.len();
         let mut at = 0;
         for &position in positions {
             while front[at] != position {
                 at += 1;
             }
-            let rows = front_row[at] as usize..front_row[at + 1] as usize;
-            match runs.last_mut() {
-                Some(run) if run.end == rows.start => run.end = rows.end,
-                _ => runs.push(rows),
+            let (to, to_end) = (front_row[at] as usize, front_row[at + 1] as usize);
+            let end = begin + to_end - to;
+            match runs[first..].last_mut() {
+                Some(run) if run.to_end() == to => run.end = end,
+                _ => runs.push(RowRun { begin, end, to }),
             }
+            begin = end;
         }
     }
 
@@ -239,14 +264,11 @@ fn updates(front: &[Vec<u32>], of: &[usize]) -> Vec<Vec<Update>> {
         let mut first = positions.partition_point(|&position| of[position as usize] == from);
         while first < positions.len() {
             let to = of[positions[first] as usize];
-            let end =
-                first + positions[first..].partition_point(|&position| of[position as usize] == to);
             updates[to].push(Update {
                 from: from as u32,
                 first: first as u32,
-                end: end as u32,
             });
-            first = end;
+            first += positions[first..].partition_point(|&position| of[position as usize] == to);
         }
     }
     updates

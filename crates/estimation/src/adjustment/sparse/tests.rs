@@ -126,7 +126,8 @@ fn assert_near(computed: &DMatrix<f64>, expected: &DMatrix<f64>, what: &str) {
 }
 
 fn cases() -> impl Iterator<Item = Case> {
-    let shapes = [(3, 0), (4, 1), (12, 3), (30, 0), (60, 5), (90, 2)];
+    // The last supernode of the last one is of several tiles.
+    let shapes = [(3, 0), (4, 1), (12, 3), (30, 0), (60, 5), (90, 2), (80, 50)];
     (0..)
         .zip(shapes)
         .map(|(seed, (blocks, constants))| Case::random(seed, blocks, constants))
@@ -377,6 +378,30 @@ fn survey(visit: usize) -> (Vec<usize>, usize, Vec<Vec<usize>>) {
     (sizes, last, factors)
 }
 
+/// As [`survey`], and a lidar that sees each of other patches from many steps.
+fn survey_with_lidar() -> (Vec<usize>, usize, Vec<Vec<usize>>) {
+    const PATCHES: usize = 20_000;
+    let (mut sizes, last, mut factors) = survey(1);
+    sizes.splice(last..last, [3; PATCHES]);
+    for block in factors.iter_mut().flatten().filter(|block| **block >= last) {
+        *block += PATCHES;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    for patch in last..last + PATCHES {
+        for _ in 0..60 {
+            let step = 8 * rng.random_range(0..460);
+            let constants = last + PATCHES..sizes.len();
+            factors.push(
+                [step, step + 1, patch]
+                    .into_iter()
+                    .chain(constants)
+                    .collect(),
+            );
+        }
+    }
+    (sizes, last + PATCHES, factors)
+}
+
 #[test]
 #[ignore = "measures time"]
 fn time_of_a_survey() {
@@ -386,9 +411,12 @@ fn time_of_a_survey() {
         println!("  {what}: {:.3} s", start.elapsed().as_secs_f64());
         result
     }
-    for visit in [1, 2] {
-        println!("{visit} steps a visit");
-        let (sizes, last, factors) = survey(visit);
+    for (name, (sizes, last, factors)) in [
+        ("one step a visit", survey(1)),
+        ("two steps a visit", survey(2)),
+        ("with a lidar", survey_with_lidar()),
+    ] {
+        println!("{name}");
         let mut pattern = BlockPattern::new(sizes.clone());
         timed("coupling", || {
             for factor in &factors {
