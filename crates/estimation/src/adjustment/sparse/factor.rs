@@ -252,7 +252,7 @@ impl Elimination<'_> {
             let of_h = h[structure.columns(position)].chunks_exact(structure.height(position));
             for (from, to) in of_h.zip(&mut columns) {
                 for run in &*runs {
-                    to[run.to..run.to_end()].copy_from_slice(&from[run.begin..run.end]);
+                    to[run.rows()].copy_from_slice(&from[run.begin..run.end]);
                 }
             }
         }
@@ -271,7 +271,7 @@ impl Elimination<'_> {
         let end = first + columns.len() / height;
         for (i, update) in l.updates(self.supernode).iter().enumerate() {
             let runs = runs_of(i);
-            let runs = &runs[runs.partition_point(|run| run.to_end() <= first)..];
+            let runs = &runs[runs.partition_point(|run| run.rows().end <= first)..];
             let own = &runs[..runs.partition_point(|run| run.to < end)];
             let (Some(top), Some(bottom)) = (own.first(), own.last()) else {
                 continue;

@@ -134,7 +134,7 @@ impl SelectedInverse {
                     let from = &values[(column + c) * stride..][..stride];
                     let to = &mut separator[(place(i) + c) * height + place(first)..];
                     for run in &runs {
-                        to[run.begin..run.end].copy_from_slice(&from[run.to..run.to_end()]);
+                        to[run.begin..run.end].copy_from_slice(&from[run.rows()]);
                     }
                 }
             }

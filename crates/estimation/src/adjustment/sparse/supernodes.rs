@@ -28,9 +28,9 @@ pub struct RowRun {
 }
 
 impl RowRun {
-    /// The row in the supernode after the last.
-    pub fn to_end(&self) -> usize {
-        self.to + self.end - self.begin
+    /// The rows in the supernode.
+    pub fn rows(&self) -> Range<usize> {
+        self.to..self.to + self.end - self.begin
     }
 }
 
@@ -144,7 +144,7 @@ impl Supernodes {
             let (to, to_end) = (front_row[at] as usize, front_row[at + 1] as usize);
             let end = begin + to_end - to;
             match runs[first..].last_mut() {
-                Some(run) if run.to_end() == to => run.end = end,
+                Some(run) if run.rows().end == to => run.end = end,
                 _ => runs.push(RowRun { begin, end, to }),
             }
             begin = end;
