@@ -7,8 +7,10 @@ use crate::error::{Error, Problem, Result};
 /// Most entries of the factor of the normal equations, 8 bytes each: those of three drives with two
 /// profile scanners.
 const MAX_FACTOR_ENTRIES: usize = 350_000_000;
-/// Most multiplications of a factorisation for each row. Those three drives take 3.4e5. Where it is more, most poses see
-/// the same surface, and rows between keyframes cost far more than they tell.
+/// Most multiplications of a factorisation, and most for each row. Those three drives take 1.3e11, some ten seconds on two
+/// cores, and 3.4e5 a row. Where it is more, most poses see the same surface, and rows between keyframes cost far more than
+/// they tell.
+const MAX_PRODUCTS: f64 = 1.5e11;
 const MAX_PRODUCTS_PER_ROW: f64 = 5e5;
 /// Most steps from one keyframe to the next.
 const MAX_KEYFRAME_STEPS: usize = 64;
@@ -23,7 +25,8 @@ const MAX_KEYFRAME_STEPS: usize = 64;
 pub fn fewer(problem: &JointProblem<'_>, keyframe_steps: &[usize]) -> Result<Option<Vec<usize>>> {
     let is_too_large = problem.factor_entries() > MAX_FACTOR_ENTRIES;
     let rows = problem.association.rows().count();
-    let is_too_slow = problem.factor_products() > MAX_PRODUCTS_PER_ROW * rows as f64;
+    let most_products = MAX_PRODUCTS.min(MAX_PRODUCTS_PER_ROW * rows as f64);
+    let is_too_slow = problem.factor_products() > most_products;
     if !is_too_large && !is_too_slow {
         return Ok(None);
     }
