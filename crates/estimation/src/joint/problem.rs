@@ -149,14 +149,14 @@ impl<'a> JointProblem<'a> {
     }
 
     /// The group and the standard deviation of a scan row, metres: σ² = s² (v/n + share² v) + σ₀² + q with
-    /// the variance v of its surfel's points, n effective points, and the variance q that the knots of a moving
+    /// the variance v of its points, n effective points, and the variance q that the knots of a moving
     /// mounting leave out.
     pub fn noise(&self, state: &State, drive: usize, row: &ScanRow) -> (usize, f64) {
         let surfel = &self.association.surfels[row.surfel as usize];
         let group = self.groups.first_scan
             + (row.scanner as usize * COVERAGES + usize::from(row.coverage)) * CLASSES
             + surfel.class;
-        let variance = surfel.scatter_m.powi(2);
+        let variance = row.scatter_m.powi(2);
         let share = STRIP_SHARE * STRIP_SHARE + 1.0 / row.effective;
         let sigma_m = (variance * share).sqrt() * self.groups.scale[group];
         let bends = state.bends.as_ref();

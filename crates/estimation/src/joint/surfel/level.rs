@@ -81,6 +81,10 @@ impl Level {
                 surfel.scatter_m = (tally.squares_m2 / tally.free).sqrt();
             }
         }
+        for row in level.drives.iter_mut().flat_map(|drive| &mut drive.rows) {
+            let surfel = &level.surfels[row.surfel as usize];
+            row.scatter_m = row.scatter_m.max(surfel.scatter_m);
+        }
         level
     }
 
@@ -149,16 +153,17 @@ impl Level {
             let tally = &mut self.tallies[surfel as usize];
             tally.near += near.len() as f64;
             tally.distance_m += near.iter().map(|seen| distance_m(seen.4)).sum::<f64>();
-            let sigma_m = surfels[surfel as usize]
-                .roughness_m
-                .hypot(gates.misfit_m)
-                .hypot(excess_m[scanner as usize]);
+            let roughness_m = surfels[surfel as usize].roughness_m;
+            let excess_m = excess_m[scanner as usize];
+            let sigma_m = roughness_m.hypot(gates.misfit_m).hypot(excess_m);
             group.clear();
             let within = |bits: u32| distance_m(bits).abs() < GATE_SIGMAS * sigma_m;
             group.extend(near.iter().filter(|seen| within(seen.4)).copied());
-            if group.len() < fewest[scanner as usize] {
+            let fewest = fewest[scanner as usize];
+            if group.len() < fewest {
                 continue;
             }
+            let is_sparse = fewest < MIN_ROW_POINTS;
             let sample = scans.samples[scanner as usize];
             let distances = || group.iter().map(|seen| distance_m(seen.4));
             let weights = || {
@@ -179,6 +184,11 @@ impl Level {
                 count: group.len() as u32,
                 effective: weights().sum::<f64>().powi(2) / weights().map(|w| w * w).sum::<f64>(),
                 coverage: 0,
+                scatter_m: if is_sparse {
+                    roughness_m.hypot(excess_m)
+                } else {
+                    0.0
+                },
                 distance_m: mean,
                 depth_m: 0.0,
                 by_motion: [0.0; 2],

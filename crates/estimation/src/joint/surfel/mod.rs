@@ -147,6 +147,9 @@ pub struct ScanRow {
     pub effective: f64,
     /// Class of the part of the surfel that it saw.
     pub coverage: u8,
+    /// Standard deviation of its points about the mean of their row, metres: that of its surfel, but no less than what the
+    /// points of a scanner with rows of single points have, of which others on the surfel do not tell.
+    pub scatter_m: f64,
     /// Mean distance of its points from the plane of its surfel when they were sorted, metres.
     pub distance_m: f64,
     /// Signed distance of its points from the scanner along the surfel's normal when they were sorted, metres.

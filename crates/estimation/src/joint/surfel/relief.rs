@@ -113,7 +113,7 @@ fn unexplained(rows: &[ScanRow], surfels: &[Surfel]) -> Vec<(u32, f64)> {
     }
     let surfel = |row: &ScanRow| &surfels[row.surfel as usize];
     let centre_m = rows.iter().map(|row| surfel(row).centre_m).sum::<Vec3>() / rows.len() as f64;
-    let sigma_m = |row: &ScanRow| surfel(row).scatter_m.max(LEAST_SIGMA_M);
+    let sigma_m = |row: &ScanRow| row.scatter_m.max(LEAST_SIGMA_M);
     // A row in its standard deviations.
     let design = |row: &ScanRow| {
         let normal = surfel(row).axes[0];

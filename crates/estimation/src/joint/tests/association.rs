@@ -300,3 +300,26 @@ fn keyframes_are_taken_from_the_scanner_that_sees_surfels_from_the_most_steps() 
     assert_eq!(thinned(&association, &[1, 64]), Some(vec![2, 64]));
     assert_eq!(thinned(&association, &[64, 64]), None);
 }
+
+#[test]
+fn a_sparse_scanner_has_its_own_noise_where_a_better_one_sees_the_same() {
+    const NOISE_M: f64 = 0.005;
+    let mut case = Case::plain();
+    let sparse = &mut case.samples[1];
+    let points = std::mem::take(&mut sparse.points);
+    for (k, mut point) in points.into_iter().step_by(40).enumerate() {
+        let range_m = point.position_m.norm();
+        let added_m = if k % 2 == 0 { NOISE_M } else { -NOISE_M };
+        point.position_m *= 1.0 + added_m / range_m;
+        sparse.points.push(point);
+    }
+    let input = case.input();
+    let association = case.associated(&input, NOISE_M);
+    let of = |scanner: u32| association.rows().filter(move |row| row.scanner == scanner);
+    let surfel = |row: &ScanRow| &association.surfels[row.surfel as usize];
+    assert!(of(0).count() > 50 && of(1).count() > 20);
+    assert!(of(0).all(|row| row.scatter_m == surfel(row).scatter_m));
+    // Along the normal, the noise is less by the cosine of the incidence.
+    let is_own = |row: &ScanRow| (0.5 * NOISE_M..1.5 * NOISE_M).contains(&row.scatter_m);
+    assert!(of(1).all(|row| is_own(row) && surfel(row).scatter_m < 0.2 * NOISE_M));
+}

@@ -183,6 +183,7 @@ fn the_variance_that_knots_leave_out_makes_many_rows_worth_six() {
         count: 1,
         effective: 1.0,
         coverage: 0,
+        scatter_m: 0.0,
         distance_m: 0.0,
         depth_m: 0.8,
         by_motion: [0.5, 1.0],
