@@ -2,6 +2,7 @@
 
 use super::dense::{Part, Shape, Target, add_product, cholesky};
 use super::inverse::SelectedInverse;
+use super::lists::Lists;
 use super::structure::{NotPositiveBlock, Structure};
 use super::supernodes::RowRun;
 use rayon::prelude::*;
@@ -189,9 +190,10 @@ const TILE: usize = 64;
 /// What the elimination of a supernode needs beside its values.
 #[derive(Default)]
 struct Workspace {
-    /// Where the rows of the updates lie in the supernode, and for each update the first of its runs, then their number.
-    runs: Vec<RowRun>,
-    first_run: Vec<usize>,
+    /// Where the rows of H lie in the supernode, position by position.
+    runs_of_h: Vec<RowRun>,
+    /// Where the rows of each update lie in it.
+    runs: Lists<RowRun>,
     product: Vec<f64>,
 }
 
@@ -210,31 +212,29 @@ impl Elimination<'_> {
     /// The scalar whose pivot is not positive or not finite.
     fn run(&self, h: &[f64], panel: &mut [f64], workspace: &mut Workspace) -> Result<(), usize> {
         let Workspace {
+            runs_of_h,
             runs,
-            first_run,
             product,
         } = workspace;
         let l = &self.structure.l;
         let (pivots, height) = (l.pivots(self.supernode), l.height(self.supernode));
-        self.fill(h, panel, runs);
+        self.fill(h, panel, runs_of_h);
         runs.clear();
-        first_run.clear();
         for update in l.updates(self.supernode) {
-            first_run.push(runs.len());
             let (positions, rows) = l.front(update.from as usize);
             let first = update.first as usize;
             let begin = rows[first] as usize;
-            l.append_runs(self.supernode, &positions[first..], begin, runs);
+            runs.push_with(|all| {
+                l.append_runs(self.supernode, &positions[first..], begin, all);
+            });
         }
-        first_run.push(runs.len());
-        let runs_of = |update: usize| &runs[first_run[update]..first_run[update + 1]];
         if pivots.len() > TILE {
             let tiles = panel.par_chunks_mut(TILE * height).enumerate();
-            tiles.for_each_init(Vec::new, |product, (tile, columns)| {
-                self.update(tile * TILE, columns, runs_of, product);
+            tiles.for_each_init(Vec::new, |product, (at, tile)| {
+                self.update(at * TILE, tile, runs, product);
             });
         } else {
-            self.update(0, panel, runs_of, product);
+            self.update(0, panel, runs, product);
         }
         cholesky(panel, height, 0, pivots.len()).map_err(|column| pivots.start + column)
     }
@@ -258,19 +258,13 @@ impl Elimination<'_> {
         }
     }
 
-    /// Subtracts the products of earlier supernodes from columns, `first` of the supernode and those after it.
-    fn update<'r>(
-        &self,
-        first: usize,
-        columns: &mut [f64],
-        runs_of: impl Fn(usize) -> &'r [RowRun],
-        product: &mut Vec<f64>,
-    ) {
+    /// Subtracts the products of earlier supernodes from a tile, which begins with column `first`.
+    fn update(&self, first: usize, tile: &mut [f64], runs: &Lists<RowRun>, product: &mut Vec<f64>) {
         let l = &self.structure.l;
         let height = l.height(self.supernode);
-        let end = first + columns.len() / height;
+        let end = first + tile.len() / height;
         for (i, update) in l.updates(self.supernode).iter().enumerate() {
-            let runs = runs_of(i);
+            let runs = runs.get(i);
             let runs = &runs[runs.partition_point(|run| run.rows().end <= first)..];
             let own = &runs[..runs.partition_point(|run| run.to < end)];
             let (Some(top), Some(bottom)) = (own.first(), own.last()) else {
@@ -280,33 +274,38 @@ impl Elimination<'_> {
             let bottom = bottom.end.min(bottom.begin + end - bottom.to);
             let from = update.from as usize;
             let (from_height, inner) = (l.height(from), l.pivots(from).len());
-            let count = from_height - top;
+            let (count, columns) = (from_height - top, bottom - top);
             let a = Part::of(&self.values[from][top..], from_height);
-            product.resize(product.len().max(count * (bottom - top)), 0.0);
+            product.resize(product.len().max(count * columns), 0.0);
             let target = Target {
-                data: &mut product[..count * (bottom - top)],
+                data: &mut product[..count * columns],
                 height: count,
                 rows: count,
-                columns: bottom - top,
+                columns,
                 shape: Shape::Lower,
             };
             add_product(0.0, target, 1.0, a, a.transpose(), inner);
             for (at, run) in own.iter().enumerate() {
                 for row in run.begin.max(top)..run.end.min(bottom) {
                     let column = run.to + row - run.begin - first;
-                    let to = &mut columns[column * height..][..height];
-                    let product = &product[(row - top) * count..][..count];
-                    // Nothing is computed above the diagonal.
-                    for below in &runs[at..] {
-                        let begin = below.begin.max(row);
-                        let to = &mut to[below.to + begin - below.begin..];
-                        let product = &product[begin - top..below.end - top];
-                        for (to, from) in to.iter_mut().zip(product) {
-                            *to -= from;
-                        }
-                    }
+                    let to = &mut tile[column * height..][..height];
+                    let product = &product[(row - top) * count..][row - top..count];
+                    subtract_from_diagonal(to, row, product, &runs[at..]);
                 }
             }
+        }
+    }
+}
+
+/// Subtracts a column of a product from a column of a supernode. The product begins with its diagonal, row `diagonal` of the
+/// matrix whose runs these are, the first of which contains it; nothing is computed above.
+fn subtract_from_diagonal(column: &mut [f64], diagonal: usize, product: &[f64], runs: &[RowRun]) {
+    for run in runs {
+        let begin = run.begin.max(diagonal);
+        let to = &mut column[run.to + begin - run.begin..];
+        let from = &product[begin - diagonal..run.end - diagonal];
+        for (to, from) in to.iter_mut().zip(from) {
+            *to -= from;
         }
     }
 }

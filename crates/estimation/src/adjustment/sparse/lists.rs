@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 /// Lists of different lengths, one after the other.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Lists<T> {
     ends: Vec<usize>,
     values: Vec<T>,
@@ -22,6 +22,18 @@ impl<T> Lists<T> {
 
     pub fn get(&self, i: usize) -> &[T] {
         &self.values[self.range(i)]
+    }
+
+    /// Removes all lists and keeps their memory.
+    pub fn clear(&mut self) {
+        self.ends.clear();
+        self.values.clear();
+    }
+
+    /// Adds a list of the values that are appended.
+    pub fn push_with(&mut self, append: impl FnOnce(&mut Vec<T>)) {
+        append(&mut self.values);
+        self.ends.push(self.values.len());
     }
 }
 

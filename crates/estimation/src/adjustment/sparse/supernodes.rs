@@ -18,7 +18,7 @@ pub struct Update {
 }
 
 /// Rows of a matrix that are neighbours in a supernode, too.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct RowRun {
     /// The first row in the matrix, and the row after the last.
     pub begin: usize,
